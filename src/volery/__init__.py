@@ -1,0 +1,1 @@
+"""volery: an asynchronous networked agent emulator over Eclipse Zenoh."""

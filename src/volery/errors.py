@@ -1,0 +1,17 @@
+"""The one hierarchy of errors. A simulated loss is never an error."""
+
+
+class VoleryError(Exception):
+    """Base of every error that volery raises on purpose; `exit_code` is what the command line ends with."""
+
+    exit_code = 1
+
+
+class BadInput(VoleryError, ValueError):
+    """What was asked for cannot be done: the message names the value, the bound, the place and the remedy."""
+
+    exit_code = 2
+
+
+class RunFailed(VoleryError):
+    """A run could not be carried through: a process died, a promise was broken, the middleware lost a frame."""

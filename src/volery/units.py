@@ -1,0 +1,95 @@
+"""Quantities with units: parse "20 Hz", "2 ms", "115.2 kbit/s", "5 deg" and say which unit a field is in.
+
+A field's type names its unit, e.g. `rate: Hertz`, `latency: Nanoseconds`. The scenario reader turns text into the
+number in that unit; a plain number is refused where a unit is needed, so that nobody guesses between ms and s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated, Any
+
+from .errors import BadInput
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+_DEGREE = math.pi / 180
+_SCALES: dict[str, dict[str, Fraction | float]] = {
+    "ns": {
+        "ns": Fraction(1),
+        "us": Fraction(10**3),
+        "µs": Fraction(10**3),
+        "ms": Fraction(10**6),
+        "s": Fraction(10**9),
+        "min": Fraction(60 * 10**9),
+        "h": Fraction(3600 * 10**9),
+    },
+    "Hz": {"mHz": Fraction(1, 1000), "Hz": Fraction(1), "kHz": Fraction(1000)},
+    "bit/s": {"bit/s": Fraction(1), "kbit/s": Fraction(10**3), "Mbit/s": Fraction(10**6)},
+    "B": {"B": Fraction(1), "kB": Fraction(10**3)},
+    "m": {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)},
+    "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
+    "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
+}
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d].*?)?\s*")
+
+
+def parse(text: str, unit: str) -> float | int:
+    """Read a quantity such as "2.5 ms" as a number in `unit`; nanoseconds and bytes come out as whole numbers.
+
+    Raises:
+        BadInput: not a number with a unit, or a unit of another kind; the message lists the units that fit.
+    """
+    scales = _SCALES[unit]
+    match = _QUANTITY.fullmatch(text)
+    if match is None or match[2] not in scales:
+        raise BadInput(f"{text!r} is not a quantity here: write a number and one of {', '.join(scales)}")
+    scale = scales[match[2]]
+    value = Fraction(match[1]) * scale if isinstance(scale, Fraction) else float(match[1]) * scale
+    return round(value) if unit in ("ns", "B") else float(value)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Marks a field's unit, in `Annotated[float, Unit("Hz")]`, and tells pydantic how to read it."""
+
+    name: str
+
+    def read(self, value: object) -> float | int:
+        """The number in this unit; text is parsed, 0 needs no unit, any other plain number is refused."""
+        if isinstance(value, str):
+            return parse(value, self.name)
+        if isinstance(value, int | float) and not isinstance(value, bool) and value == 0:
+            return 0 if self.name in ("ns", "B") else 0.0
+        units = ", ".join(_SCALES[self.name])
+        raise BadInput(f"{value!r} has no unit: write it with one of {units}")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate with `read`; in JSON Schema the field is text."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(
+            self.read,
+            handler(source),
+            json_schema_input_schema=core_schema.str_schema(),
+        )
+
+
+Nanoseconds = Annotated[int, Unit("ns")]
+Hertz = Annotated[float, Unit("Hz")]
+BitsPerSecond = Annotated[float, Unit("bit/s")]
+Bytes = Annotated[int, Unit("B")]
+Metres = Annotated[float, Unit("m")]
+Radians = Annotated[float, Unit("rad")]
+Volts = Annotated[float, Unit("V")]
+
+
+def period_ns(rate_hz: float, index: int) -> int:
+    """Nominal time of the index-th period of a rate: floor(index·10⁹ / rate), exactly."""
+    numerator, denominator = rate_hz.as_integer_ratio()
+    return index * 1_000_000_000 * denominator // numerator
