@@ -1,0 +1,147 @@
+"""What an agent is: a deterministic state machine. Events come in as method calls, effects go out through its context.
+
+An agent never sleeps, never reads a clock, never opens a socket and never draws from a global random generator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..randomness import Stream
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+
+class Sample(NamedTuple):
+    """A sensor sample; `value` is None where the sensor saw nothing."""
+
+    sensor: str
+    index: int
+    time_ns: int
+    value: NDArray[np.float64] | None
+
+
+class Received(NamedTuple):
+    """A payload from a neighbour, at the instant at which it is due: what a radio would tell, and no more."""
+
+    source: str
+    payload: bytes
+    time_ns: int
+
+
+class Timer(NamedTuple):
+    """A timer that the agent has set."""
+
+    name: str
+    index: int
+    time_ns: int
+
+
+class Context(Protocol):
+    """All that an agent may do and know."""
+
+    @property
+    def name(self) -> str:
+        """The agent's own name."""
+
+    @property
+    def neighbours(self) -> tuple[str, ...]:
+        """Whom it may talk to, in natural order."""
+
+    @property
+    def degrees(self) -> Mapping[str, int]:
+        """Number of neighbours of itself and of each neighbour."""
+
+    @property
+    def position(self) -> tuple[float, ...] | None:
+        """Its place on the body in metres, where the topology has places."""
+
+    @property
+    def now_ns(self) -> int:
+        """Nominal time of the event in hand."""
+
+    def send(self, target: str, payload: bytes, stream: str = "") -> None:
+        """Hand a payload to the link to a neighbour; what becomes of it is not told.
+
+        Raises:
+            NotANeighbour: there is no link to `target`.
+            FrameTooLarge: the payload is over the link's MTU.
+        """
+
+    def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
+        """Ask for `on_timer` at an instant that is not before now."""
+
+    def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
+        """Write down an estimate; `index` is the sample it belongs to."""
+
+    def random(self, purpose: str) -> Stream:
+        """The agent's own random stream for a purpose."""
+
+
+@dataclass(frozen=True)
+class NoParameters:
+    """Parameters of an agent that has none."""
+
+
+class Agent:
+    """Base of all agents. Override the handlers that you need.
+
+    `Parameters` is a frozen dataclass: its fields are what a scenario may write under `agents:`.
+    `timers_only` says that this agent sends and sets timers from samples and timers only, never from a frame; its
+    promises in lockstep pace then reach further.
+    """
+
+    Parameters: ClassVar[type] = NoParameters
+    timers_only: ClassVar[bool] = False
+
+    def __init__(self, context: Context, parameters: Any) -> None:
+        self.context = context
+        self.parameters = parameters
+
+    def start(self) -> None:
+        """Called once, before every other event."""
+
+    def on_sample(self, sample: Sample) -> None:
+        """A sensor has taken a sample."""
+
+    def on_frame(self, frame: Received) -> None:
+        """A neighbour's payload has arrived."""
+
+    def on_timer(self, timer: Timer) -> None:
+        """A timer has come due."""
+
+    @classmethod
+    def largest_payload(cls, parameters: Any) -> int | None:
+        """Largest payload in bytes that an agent with these parameters sends, if it can be told beforehand."""
+        return None
+
+    @classmethod
+    def sends_per_second(cls, parameters: Any) -> float | None:
+        """Frames per second that such an agent offers to each neighbour, if it can be told beforehand."""
+        return None
+
+    @classmethod
+    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
+        """The centralised estimate on the same data, to which estimates are compared; None where there is none."""
+        return None
+
+    @classmethod
+    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
+        """The true value of a reported quantity; None where it is not known."""
+        return None
+
+    @classmethod
+    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """For figures: (name, unit, factor from the stored value to that unit) of each component; () to number them."""
+        return ()
+
+    @classmethod
+    def problems(cls, plan: Plan) -> Sequence[str]:
+        """What makes this plan impossible for such agents, each a sentence with the remedy."""
+        return ()

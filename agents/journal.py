@@ -1,0 +1,88 @@
+"""What an agent's process writes down: estimates, and the story of every frame. The record is made of these batches.
+
+Entries are tuples of plain values, so that they travel as MessagePack and are kept as JSON without loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+
+class Estimate(NamedTuple):
+    """A quantity that an agent reported: `index` is the sample it belongs to, `value` a flat vector."""
+
+    time_ns: int
+    quantity: str
+    index: int
+    value: list[float]
+
+
+class Sent(NamedTuple):
+    """A transmission as its sender saw it; `verdict` is delivered, cut or loss."""
+
+    target: str
+    sequence: int
+    size: int
+    start_ns: int
+    airtime_ns: int
+    due_ns: int
+    verdict: str
+
+
+class Heard(NamedTuple):
+    """A frame at its receiver, with its final fate; `incarnation` is the sender's."""
+
+    source: str
+    incarnation: int
+    sequence: int
+    due_ns: int
+    fate: str
+
+
+class Dropped(NamedTuple):
+    """A frame that never reached the air: `cause` is refused (over the MTU) or queue."""
+
+    target: str
+    sequence: int
+    time_ns: int
+    cause: str
+
+
+class Late(NamedTuple):
+    """A frame that came after its agent had handled something later; `behind_ns` says by how much."""
+
+    source: str
+    incarnation: int
+    sequence: int
+    due_ns: int
+    behind_ns: int
+
+
+@dataclass
+class Batch:
+    """The entries of one agent and incarnation since the last batch, each list in the order of its events."""
+
+    agent: str
+    incarnation: int
+    estimates: list[Estimate] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
+    heard: list[Heard] = field(default_factory=list)
+    dropped: list[Dropped] = field(default_factory=list)
+    late: list[Late] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything in it."""
+        return bool(self.estimates or self.sent or self.heard or self.dropped or self.late or self.events)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for MessagePack and JSON."""
+        return dict(self.__dict__)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Batch:
+        """The batch that `to_dict` took apart."""
+        kinds = {"estimates": Estimate, "sent": Sent, "heard": Heard, "dropped": Dropped, "late": Late}
+        entries = {name: [kind(*entry) for entry in data[name]] for name, kind in kinds.items()}
+        return cls(data["agent"], data["incarnation"], events=data["events"], **entries)

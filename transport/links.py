@@ -1,0 +1,179 @@
+"""A directed link: its settings, and the sender's part of its pipeline.
+
+queue → medium access → airtime → loss → latency. The receiver's part, half-duplex, is in `media`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+from ..errors import BadInput
+from ..randomness import stream
+from ..topologies import natural_key
+from ..units import BitsPerSecond, Bytes
+from .latencies import Constant, Latency
+from .losses import Loss, StreamOf
+from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Medium, Transceiver
+
+NANOSECONDS = 1_000_000_000
+DELIVERED, CUT, HALF_DUPLEX, LOST = "delivered", "cut", "half-duplex", "loss"
+
+
+@dataclass(frozen=True)
+class Queue:
+    """Frames that wait for the transmitter: how many may, and which one gives way when one too many comes.
+
+    drop-tail refuses the newcomer, drop-head the oldest; latest lets a newer frame of the same stream take the place of
+    the one that waits, and drops the newcomer only where nothing can be replaced.
+    """
+
+    limit: int = 64
+    policy: Literal["drop-tail", "drop-head", "latest"] = "drop-tail"
+
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        if self.limit < 1:
+            raise BadInput(f"queue limit is {self.limit}, at least 1 frame must fit")
+
+
+@dataclass(frozen=True)
+class LinkSettings:
+    """Everything that a fault may change on one directed link."""
+
+    medium: Medium = FullDuplex()  # noqa: RUF009 - frozen
+    rate: BitsPerSecond | None = None
+    overhead: Bytes = 0
+    bits_per_byte: int = 8
+    mtu: Bytes = 1500
+    queue: Queue = Queue()  # noqa: RUF009 - frozen
+    loss: tuple[Loss, ...] = ()
+    latency: Latency = Constant(0)  # noqa: RUF009 - frozen
+    cut: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if self.rate is not None and not self.rate > 0:
+            raise BadInput(f"rate is {self.rate:g} bit/s, it must be above 0")
+        if self.overhead < 0 or self.bits_per_byte < 1 or self.mtu < 1:
+            raise BadInput("overhead is at least 0 B, bits_per_byte at least 1, mtu at least 1 B")
+
+    def airtime_ns(self, payload_bytes: int) -> int:
+        """Time on the air of a frame: (payload + overhead) · bits per byte / rate, rounded up; 0 without a rate."""
+        if self.rate is None:
+            return 0
+        bits = (payload_bytes + self.overhead) * self.bits_per_byte
+        return -(-bits * NANOSECONDS // Fraction(self.rate)) if self.rate % 1 else -(-bits * NANOSECONDS // int(self.rate))
+
+    def lookahead_ns(self) -> int:
+        """No frame arrives sooner after its start: airtime of an empty payload and the shortest latency."""
+        return self.airtime_ns(0) + self.latency.minimum_ns
+
+
+class Waiting(NamedTuple):
+    """A frame in the queue."""
+
+    sequence: int
+    payload: bytes
+    stream: str
+
+
+class Transmission(NamedTuple):
+    """A frame that has started: its interval on the air, when it is due, and the sender's verdict on it."""
+
+    sequence: int
+    payload: bytes
+    start_ns: int
+    airtime_ns: int
+    due_ns: int
+    verdict: str
+
+
+class Sender:
+    """The sending end of the link src → dst: a state machine without a clock.
+
+    `incarnation` counts the restarts of the source; a restarted agent draws from streams of its own.
+    """
+
+    __slots__ = ("_free_at", "_latency", "_losses", "_slot", "_stream_of", "_waiting", "sequence", "settings", "transceiver")
+
+    def __init__(self, seed: int, source: str, target: str, incarnation: int, settings: LinkSettings) -> None:
+        self._stream_of: StreamOf = lambda purpose: stream(seed, purpose, source, target, str(incarnation))
+        self._slot = int(natural_key(source) > natural_key(target))
+        self._free_at = 0
+        self._waiting: deque[Waiting] = deque()
+        self.sequence = 0
+        self.transceiver = Transceiver()
+        self.settings = settings
+        self._losses = [model.stage(self._stream_of) for model in settings.loss]
+        self._latency = settings.latency.stage(self._stream_of)
+
+    def change(self, settings: LinkSettings) -> None:
+        """Take new settings; models that stay keep their state."""
+        before, self.settings = self.settings, settings
+        if settings.loss != before.loss:
+            self._losses = [model.stage(self._stream_of) for model in settings.loss]
+        if settings.latency != before.latency:
+            self._latency = settings.latency.stage(self._stream_of)
+
+    def offer(self, payload: bytes, stream_name: str = "") -> list[int]:
+        """Put a frame into the queue; the sequence numbers that its policy throws out, in order.
+
+        The caller has checked the size against the MTU.
+        """
+        newcomer = Waiting(self.sequence, payload, stream_name)
+        self.sequence += 1
+        queue = self.settings.queue
+        if queue.policy == "latest":
+            for place, waiting in enumerate(self._waiting):
+                if waiting.stream == stream_name:
+                    self._waiting[place] = newcomer
+                    return [waiting.sequence]
+        if len(self._waiting) < queue.limit:
+            self._waiting.append(newcomer)
+            return []
+        if queue.policy == "drop-head":
+            self._waiting.append(newcomer)
+            return [self._waiting.popleft().sequence]
+        return [newcomer.sequence]
+
+    def next_start(self, now_ns: int) -> int | None:
+        """When the frame at the head of the queue may start, as things stand; None with an empty queue."""
+        if not self._waiting:
+            return None
+        ready = max(now_ns, self._free_at)
+        medium = self.settings.medium
+        if isinstance(medium, FullDuplex):
+            return ready
+        airtime = self.settings.airtime_ns(len(self._waiting[0].payload))
+        return medium.access.earliest_start(ready, airtime, self._slot, EDGE_SLOTS)
+
+    def earliest_next(self, ready_ns: int) -> int:
+        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
+        ready = max(ready_ns, self._free_at)
+        medium = self.settings.medium
+        if isinstance(medium, FullDuplex):
+            return ready
+        return medium.access.earliest_start(ready, self.settings.airtime_ns(0), self._slot, EDGE_SLOTS)
+
+    def transmit(self, now_ns: int) -> Transmission:
+        """Start the frame at the head of the queue now; every link parameter is read here, once."""
+        sequence, payload, _ = self._waiting.popleft()
+        settings = self.settings
+        airtime = settings.airtime_ns(len(payload))
+        end = self._free_at = now_ns + airtime
+        if isinstance(settings.medium, HalfDuplex):
+            self.transceiver.transmit(now_ns, end)
+        lost = False
+        for stage in self._losses:
+            lost |= stage.lost(sequence)
+        due = end + self._latency(sequence)
+        verdict = CUT if settings.cut else LOST if lost else DELIVERED
+        return Transmission(sequence, payload, now_ns, airtime, due, verdict)
+
+
+def fate(verdict: str, *, deaf: bool) -> str:
+    """What became of a transmitted frame; of causes that overlap the first of cut, half-duplex, loss counts."""
+    return HALF_DUPLEX if deaf and verdict != CUT else verdict
