@@ -1,0 +1,5 @@
+"""Graphs and weights."""
+
+from .naming import check_name, natural_key
+
+__all__ = ["check_name", "natural_key"]

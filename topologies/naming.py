@@ -1,0 +1,30 @@
+"""Names of agents: which are allowed, and the order in which agents are listed everywhere."""
+
+from __future__ import annotations
+
+import re
+
+from ..errors import BadInput
+
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_NUMBER = re.compile(r"([0-9]+)")
+
+
+def natural_key(name: str) -> tuple[tuple[str | int, ...], str]:
+    """Sort key that puts "2" before "10": digits compare as numbers, the rest as text.
+
+    Names whose keys would tie otherwise ("2" and "02") are ordered as text.
+    """
+    parts = _NUMBER.split(name)
+    return tuple(int(part) if index % 2 else part for index, part in enumerate(parts)), name
+
+
+def check_name(name: object) -> str:
+    """Return the name if it may be an agent's.
+
+    Raises:
+        BadInput: not text, or other characters than ASCII letters, digits and underscores.
+    """
+    if isinstance(name, str) and _NAME.fullmatch(name):
+        return name
+    raise BadInput(f"{name!r} cannot be an agent's name: use ASCII letters, digits and underscores, as in '7' or 'uav_2'")
