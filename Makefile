@@ -1,0 +1,40 @@
+# Everything runs in one environment, .venv, which the first command that needs it sets up.
+# `make PYTHON=python3.12 test` picks the interpreter, `make test PYTEST_FLAGS="-k twin"` hands flags to pytest.
+
+PYTHON ?= python3
+PYTEST_FLAGS ?=
+VENV := .venv
+BIN := $(VENV)/bin
+SETUP = $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
+
+.PHONY: help demo test bench
+
+help:  ## say what there is to make
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
+
+# Stamps: the package is installed, and so is what its developers need. The second includes the first.
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@echo "Setting up $(VENV), once; this takes a minute or two."
+	@$(SETUP) --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml constraints.txt
+	@echo "Setting up $(VENV) with the developers' tools, once; this takes a minute or two."
+	@$(SETUP) --editable ".[dev]"
+	@touch $(VENV)/.installed $@
+
+demo: $(VENV)/.installed  ## run the 16-module flying array over lossy infrared links, and say where its figures are
+	$(BIN)/volery run dfa16-lossy
+	@echo "Figures:"
+	@find "$$(ls -d runs/*-dfa16-lossy* | tail -n 1)" -name '*.png' -o -name '*.pdf' | sort | sed 's/^/  /'
+
+test: $(VENV)/.installed-dev  ## check style, types, import rules and spelling, then run every test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/codespell
+	$(BIN)/pytest --numprocesses 2 --dist loadfile $(PYTEST_FLAGS)
+
+bench: $(VENV)/.installed-dev  ## run every benchmark and print its ratios
+	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
