@@ -139,6 +139,15 @@ class Sender:
             return [self._waiting.popleft().sequence]
         return [newcomer.sequence]
 
+    def refuse(self) -> int:
+        """Count a frame that is too large to be offered; its sequence number."""
+        self.sequence += 1
+        return self.sequence - 1
+
+    def waiting(self) -> list[int]:
+        """Sequence numbers of the frames in the queue."""
+        return [frame.sequence for frame in self._waiting]
+
     def next_start(self, now_ns: int) -> int | None:
         """When the frame at the head of the queue may start, as things stand; None with an empty queue."""
         if not self._waiting:

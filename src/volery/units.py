@@ -93,3 +93,13 @@ def period_ns(rate_hz: float, index: int) -> int:
     """Nominal time of the index-th period of a rate: floor(index·10⁹ / rate), exactly."""
     numerator, denominator = rate_hz.as_integer_ratio()
     return index * 1_000_000_000 * denominator // numerator
+
+
+def first_period(rate_hz: float, from_ns: int) -> int:
+    """Index of the first period of a rate that starts at `from_ns` or later."""
+    index = int(from_ns * rate_hz / 1e9)
+    while index > 0 and period_ns(rate_hz, index - 1) >= from_ns:
+        index -= 1
+    while period_ns(rate_hz, index) < from_ns:
+        index += 1
+    return index

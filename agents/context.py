@@ -1,0 +1,91 @@
+"""The context of an agent: the one door between its pure code and the node that carries it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import BadInput
+from ..randomness import Stream, stream
+from .agent import Timer
+from .journal import Estimate
+from .plan import AgentPlan
+
+if TYPE_CHECKING:
+    from .node import Node
+
+
+class NotANeighbour(BadInput):
+    """An agent wanted to talk to someone to whom it has no link."""
+
+
+class BrokenPromise(BadInput):
+    """An agent that says it acts on timers and samples only acted on a frame."""
+
+
+class NodeContext:
+    """What a node lets its agent see and do; see `agent.Context`."""
+
+    __slots__ = ("_me", "_node")
+
+    def __init__(self, node: Node, me: AgentPlan) -> None:
+        self._node = node
+        self._me = me
+
+    @property
+    def name(self) -> str:
+        """The agent's own name."""
+        return self._me.name
+
+    @property
+    def neighbours(self) -> tuple[str, ...]:
+        """Whom it may talk to, in natural order."""
+        return self._me.neighbours
+
+    @property
+    def degrees(self) -> Mapping[str, int]:
+        """Number of neighbours of itself and of each neighbour."""
+        return self._me.degrees
+
+    @property
+    def position(self) -> tuple[float, ...] | None:
+        """Its place on the body in metres, where the topology has places."""
+        return self._me.position
+
+    @property
+    def now_ns(self) -> int:
+        """Nominal time of the event in hand."""
+        return self._node.now_ns
+
+    def send(self, target: str, payload: bytes, stream: str = "") -> None:
+        """Hand a payload to the link to a neighbour; what becomes of it is not told."""
+        if target not in self._node.senders:
+            known = ", ".join(self.neighbours)
+            raise NotANeighbour(f"agent {self.name} has no link to {target!r}; its neighbours are {known}")
+        self._check_promise()
+        self._node.send(target, payload, stream)
+
+    def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
+        """Ask for `on_timer` at an instant that is not before now."""
+        if time_ns < self.now_ns:
+            raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {self.now_ns} ns")
+        self._check_promise()
+        self._node.set_timer(Timer(name, index, time_ns))
+
+    def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
+        """Write down an estimate; `index` is the sample it belongs to."""
+        flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
+        self._node.journal.estimates.append(Estimate(self.now_ns, quantity, index, flat))
+
+    def random(self, purpose: str) -> Stream:
+        """The agent's own random stream for a purpose."""
+        return stream(self._node.plan.seed, f"agent-{purpose}", self.name, str(self._node.incarnation))
+
+    def _check_promise(self) -> None:
+        if self._node.in_frame and self._node.timers_only:
+            raise BrokenPromise(
+                f"agent {self.name} acts on a frame, but its class says timers_only: remove that, or act on a timer"
+            )

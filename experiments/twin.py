@@ -1,0 +1,89 @@
+"""The twin: all nodes of a plan in one process, on one heap. Frames are carried as encoded bytes here too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from ..agents.journal import Batch
+from ..agents.node import Node, Put
+from ..agents.plan import Plan
+from ..transport import fabric
+from ..transport.events import FAULT, Event
+from ..transport.frames import Frame, decode, encode
+
+_PROGRESS_EVERY_NS = 100_000_000
+
+LastHeard = Mapping[tuple[str, int, str], int]
+"""(source, incarnation, target) → the last sequence number that the target heard of a source killed from outside."""
+
+
+class RecordSink(Protocol):
+    """Where an engine leaves what happened."""
+
+    def __call__(self, batch: Batch) -> None:
+        """Take the entries of one agent."""
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Take an event of the run."""
+
+
+class Twin:
+    """One run of a plan in this process, bit for bit repeatable.
+
+    Args:
+        plan: what to run.
+        sink: where the entries go.
+        last_heard: frames of an agent killed from outside that came after these never reached anybody.
+    """
+
+    def __init__(self, plan: Plan, sink: RecordSink, last_heard: LastHeard | None = None) -> None:
+        self._plan = plan
+        self._sink = sink
+        self._last_heard = last_heard or {}
+        self._heap: list[Event] = []
+        self._dead: list[Node] = []
+        self._order = {agent.name: index for index, agent in enumerate(plan.agents)}
+        self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.agents}
+        for agent in plan.agents:
+            for incarnation, kill in enumerate(plan.kills(agent.name), start=1):
+                if kill.until_ns is not None:
+                    self._heap.append(
+                        (kill.until_ns, FAULT, kill.id, 1, 0, self._order[agent.name], self._restart, (agent.name, incarnation))
+                    )
+        self._heap.sort()
+
+    def _node(self, name: str, incarnation: int, start_ns: int) -> Node:
+        return Node(self._plan, name, self._heap, self._carry(name), incarnation, start_ns, self._order[name])
+
+    def _carry(self, source: str) -> Put:
+        def put(target: str, frame: Frame) -> None:
+            last = self._last_heard.get((source, frame.incarnation, target))
+            if last is None or frame.sequence <= last:
+                self.nodes[target].receive(source, decode(encode(frame)))
+
+        return put
+
+    def _restart(self, event: Event) -> None:
+        name, incarnation = event[7]
+        self._dead.append(self.nodes[name])
+        self.nodes[name] = self._node(name, incarnation, event[0])
+        self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[0]})
+
+    def run(self, progress: Callable[[int], None] | None = None) -> None:
+        """Handle every event before the end; `progress` is told the nominal time in nanoseconds."""
+
+        def flush(now_ns: int) -> None:
+            for node in (*self._dead, *self.nodes.values()):
+                if batch := node.take_journal():
+                    self._sink(batch)
+            if progress is not None:
+                progress(now_ns)
+
+        self._sink.event({"event": "started", "time_ns": 0})
+        fabric.run(self._heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
+        for node in self.nodes.values():
+            if not node.dead:
+                node.finish()
+        flush(self._plan.duration_ns)
+        self._sink.event({"event": "finished", "time_ns": self._plan.duration_ns})
