@@ -6,7 +6,7 @@ nodes on one heap; a process runs one node on a heap of its own. Both run this s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from heapq import heappush
 from typing import Any
 
@@ -238,7 +238,7 @@ class Node:
             return
         known = self.faults.get(fault.id)
         self.faults[fault.id] = fault
-        if known is None:
+        if known is None or known.at_ns != fault.at_ns:
             self._schedule(max(fault.at_ns, self.start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
         if fault.until_ns is not None and (known is None or known.until_ns != fault.until_ns):
             self._schedule(max(fault.until_ns, self.start_ns), FAULT, fault.id, 1, self._on_fault, fault.id)
@@ -256,7 +256,7 @@ class Node:
                 self._die()
         elif event[TIME] == fault.until_ns:
             self._resume()
-        elif self._waiting is None:
+        elif event[TIME] == fault.at_ns and self._waiting is None:
             self._waiting = []
 
     def _change_links(self, fault: LinkFault, now_ns: int) -> None:
@@ -290,14 +290,15 @@ class Node:
         batch, self.journal = self.journal, Batch(self.name, self.incarnation)
         return batch
 
-    def promises(self, arrivals_ns: int) -> dict[str, int]:
-        """For each neighbour the earliest instant at which the next transmission to it can start.
+    def promises(self, targets: Iterable[str], arrivals_ns: int) -> dict[str, int]:
+        """For each target the earliest instant at which the next transmission to it can start.
 
         Args:
+            targets: neighbours.
             arrivals_ns: no frame that is yet unheard is due before this.
         """
         if self.dead:
-            return dict.fromkeys(self.neighbours, FOREVER_NS)
+            return dict.fromkeys(targets, FOREVER_NS)
         acts = FOREVER_NS if self.timers_only else arrivals_ns
         link_events: dict[str, int] = {}
         for event in self.heap:
@@ -308,12 +309,13 @@ class Node:
             elif time_ns < acts and not (self.timers_only and event[HANDLER] == self._on_arrival):
                 acts = time_ns
         acts += self.compute_ns
-        ready = {target: min(acts, link_events.get(target, FOREVER_NS)) for target in self.neighbours}
-        fixed = {target: self._access_is_fixed(target) for target in self.neighbours}
-        return {
-            target: sender.earliest_next(ready[target]) if fixed[target] else ready[target]
-            for target, sender in self.senders.items()
-        }
+        return {target: self._earliest_start(target, min(acts, link_events.get(target, FOREVER_NS))) for target in targets}
+
+    def _earliest_start(self, target: str, ready_ns: int) -> int:
+        sender = self.senders[target]
+        if sender.waiting():
+            ready_ns = self.now_ns
+        return sender.earliest_next(ready_ns) if self._access_is_fixed(target) else ready_ns
 
     def _access_is_fixed(self, target: str) -> bool:
         """Whether no fault still to come changes when a frame to `target` may start."""

@@ -1,0 +1,195 @@
+"""The two paces of a process: when may the next event of its node be handled?
+
+Realtime: when the wall clock has reached it. Lockstep: when every neighbour has promised that nothing earlier comes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from heapq import heappop
+
+from ..transport.events import FOREVER_NS, HANDLER, OFFER, RANK, TIME
+from ..transport.faults import Fault, LinkFault
+from ..transport.frames import Frame, promise
+from ..transport.promises import Horizon, lookahead_segments
+from ..transport.timerfd import TimerFd
+from .node import Node
+
+_GRACE_S = 0.1
+_EARLIEST_FAULT_NS = 20_000_000
+_LATENESS_KEPT = 50_000
+
+Write = Callable[[str, Frame], None]
+
+
+class Realtime:
+    """Handles each event when the wall clock reaches its nominal time, and its own link's work ahead by `compute`.
+
+    Within `compute` nothing that the agent is yet to do can change what its links start, so a frame is on its way
+    before its nominal start: this, airtime and latency are the slack that a busy machine has.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, speed: float, done: Callable[[], None]) -> None:
+        self.put = write
+        self._loop = loop
+        self._speed = speed
+        self._done = done
+        self._timer = TimerFd(loop, self.advance)
+        self.lateness_ns: list[int] = []
+
+    def begin(self, node: Node, epoch_ns: int) -> None:
+        """Start the clock: nominal time 0 is at `epoch_ns` on the monotonic clock."""
+        self._node = node
+        self._epoch_ns = epoch_ns
+        self._end_ns = node.plan.duration_ns
+        self._early_ns = min(node.compute_ns, _EARLIEST_FAULT_NS)
+        self._timer.set(epoch_ns)
+
+    def now_ns(self) -> int:
+        """Nominal time by the wall clock."""
+        return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
+
+    def arrived(self, frames: list[tuple[str, Frame]]) -> None:
+        """Take in what the network has brought."""
+        for source, frame in frames:
+            self._node.receive(source, frame)
+        self.advance()
+
+    def advance(self) -> None:
+        """Handle what is due, then sleep until the next event."""
+        node, heap = self._node, self._node.heap
+        now = self.now_ns()
+        limit, link_limit = min(now, self._end_ns - 1), min(now + self._early_ns, self._end_ns - 1)
+        if heap and heap[0][TIME] <= limit and len(self.lateness_ns) < _LATENESS_KEPT:
+            self.lateness_ns.append(now - heap[0][TIME])
+        while heap and (heap[0][TIME] <= limit or (heap[0][RANK] >= OFFER and heap[0][TIME] <= link_limit)):
+            event = heappop(heap)
+            event[HANDLER](event)
+        if node.dead:
+            self._done()
+        elif heap and heap[0][TIME] < self._end_ns:
+            next_ns = heap[0][TIME] - (self._early_ns if heap[0][RANK] >= OFFER else 0)
+            self._timer.set(self._epoch_ns + int(next_ns / self._speed))
+        else:
+            remaining_s = (self._end_ns - now) / 1e9 / self._speed
+            self._loop.call_later(max(0.0, remaining_s) + _GRACE_S, self._done)
+
+    def arm(self, fault: Fault, instant_ns: int) -> bool:
+        """Arm a live fault that changes something at an instant; whether there is time left until then."""
+        in_time = instant_ns > max(self.now_ns() + self._early_ns, self._node.now_ns)
+        self._node.arm(fault)
+        self.advance()
+        return in_time
+
+    def end_at(self, instant_ns: int) -> bool:
+        """End the run at an instant; whether it is still to come."""
+        in_time = instant_ns > max(self.now_ns() + self._early_ns, self._node.now_ns)
+        self._end_ns = instant_ns
+        self.advance()
+        return in_time
+
+    def hold(self) -> int:
+        """Wall time cannot be held; the instant that nothing handled has passed."""
+        return max(self.now_ns() + self._early_ns, self._node.now_ns)
+
+    def release(self) -> None:
+        """Nothing was held."""
+
+    def close(self) -> None:
+        """Stop the timer."""
+        self._timer.close()
+
+
+class Lockstep:
+    """Handles an event when every neighbour has promised that nothing earlier can come."""
+
+    def __init__(self, write: Write, done: Callable[[], None]) -> None:
+        self._write = write
+        self._done = done
+        self._held = False
+        self.lateness_ns: list[int] = []
+
+    def begin(self, node: Node, _epoch_ns: int) -> None:
+        """Make the first promises."""
+        self._node = node
+        self._end_ns = node.plan.duration_ns
+        self._faults = {fault.id: fault for fault in node.plan.faults}
+        self._told = dict.fromkeys(node.neighbours, 0)
+        self._horizon = Horizon(node.name, {source: self._segments(source) for source in node.neighbours})
+        self.advance()
+
+    def _segments(self, source: str) -> tuple[tuple[int, int, int], ...]:
+        link = (source, self._node.name)
+        faults = [fault for fault in self._faults.values() if isinstance(fault, LinkFault)]
+        return lookahead_segments(self._node.plan.links[link], link, faults)
+
+    def now_ns(self) -> int:
+        """Nominal time of the last event."""
+        return self._node.now_ns
+
+    def put(self, target: str, frame: Frame) -> None:
+        """Send a frame with the promise that nothing starts before the next."""
+        self._write(target, frame._replace(promise_ns=self._promise([target])[target]))
+
+    def _promise(self, targets: list[str]) -> dict[str, int]:
+        """New promises, never behind what was told; past the end of the run they reach for ever."""
+        promises = self._node.promises(targets, self._horizon.safe_ns())
+        for target, promise_ns in promises.items():
+            promises[target] = FOREVER_NS if promise_ns >= self._end_ns else max(promise_ns, self._told[target])
+            self._told[target] = promises[target]
+        return promises
+
+    def arrived(self, frames: list[tuple[str, Frame]]) -> None:
+        """Take in frames and promises."""
+        for source, frame in frames:
+            self._horizon.heard(source, frame)
+            if frame.sequence >= 0:
+                self._node.receive(source, frame)
+        self.advance()
+
+    def advance(self) -> None:
+        """Handle what is safe, then promise."""
+        if self._held:
+            return
+        node, heap = self._node, self._node.heap
+        safe = self._horizon.safe_ns()
+        limit = min(safe, self._end_ns)
+        while heap and heap[0][TIME] < limit:
+            event = heappop(heap)
+            event[HANDLER](event)
+        told = dict(self._told)
+        for target, promise_ns in self._promise(list(node.neighbours)).items():
+            if promise_ns > told[target]:
+                self._write(target, promise(node.incarnation, promise_ns, node.sent[target]))
+        if node.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
+            self._done()
+
+    def hold(self) -> int:
+        """Stand still; the instant that no event handled and no promise given has passed."""
+        self._held = True
+        promised = max((told for told in self._told.values() if told < FOREVER_NS), default=0)
+        return max(promised, self._node.now_ns)
+
+    def release(self) -> None:
+        """Go on."""
+        self._held = False
+        self.advance()
+
+    def end_at(self, instant_ns: int) -> bool:
+        """End the run at an instant beyond every promise."""
+        self._end_ns = instant_ns
+        return instant_ns > self._node.now_ns
+
+    def arm(self, fault: Fault, instant_ns: int) -> bool:
+        """Arm a live fault while held; its instant lies beyond every promise."""
+        in_time = instant_ns > self._node.now_ns
+        self._node.arm(fault)
+        self._faults[fault.id] = fault
+        for source in self._node.neighbours:
+            self._horizon.relink(source, self._segments(source))
+        return in_time
+
+    def close(self) -> None:
+        """Nothing to give back."""

@@ -1,0 +1,228 @@
+"""The shell of one agent's OS process: a Zenoh session, an asyncio loop, and a node that does the thinking."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import resource
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing import parent_process
+from pathlib import Path
+from typing import Any, Literal
+
+import msgpack
+import numpy as np
+import uvloop
+
+from ..transport import zenoh_session as zs
+from ..transport.faults import from_plain
+from ..transport.frames import Frame, decode, encode
+from ..transport.keys import Keys
+from .node import Node
+from .pacing import Lockstep, Realtime
+from .plan import Plan
+
+FLUSH_EVERY_S = 0.2
+_INBOX_LIMIT = 200_000
+Pace = Literal["realtime", "lockstep"]
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """What one process is to be."""
+
+    plan: Plan
+    name: str
+    incarnation: int
+    run: str
+    endpoint: str
+    password: str
+    pace: Pace
+    speed: float
+
+
+def main(assignment: Assignment, path: list[str]) -> None:
+    """Entry of the process; `path` is where the user's own modules are found."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.path[:] = path
+    uvloop.run(_Shell(assignment).live())
+
+
+class _Shell:
+    """Ties the session, the pacer and the node together."""
+
+    def __init__(self, assignment: Assignment) -> None:
+        self._it = assignment
+        self._keys = Keys(assignment.run)
+        self._control = self._keys.control(assignment.name, assignment.incarnation)
+        self._node: Node | None = None
+        self._early: list[tuple[str, Frame]] = []
+        self._batches = 0
+        self._finished = self._killed = self._crashed = False
+
+    async def live(self) -> None:
+        """Join the swarm, run, and leave it whole."""
+        it, keys = self._it, self._keys
+        loop = asyncio.get_running_loop()
+        self._stopped = asyncio.Event()
+        parent = parent_process()
+        if parent is not None:
+            loop.add_reader(parent.sentinel, self._stopped.set)
+        session = zs.open_client(it.endpoint, zs.Credentials(it.name, it.password))
+        try:
+            me = it.plan.agent(it.name)
+            self._links = {other: zs.publisher(session, keys.link(it.name, other)) for other in me.neighbours}
+            self._telemetry = zs.publisher(session, keys.telemetry(it.name))
+            self._pacer: Realtime | Lockstep = (
+                Realtime(loop, self._write, it.speed, self._done)
+                if it.pace == "realtime"
+                else Lockstep(self._write, self._done)
+            )
+            self._frames = zs.Inbox(loop, _INBOX_LIMIT, self._guard(self._arrived))
+            self._orders = zs.Inbox(loop, _INBOX_LIMIT, self._guard(self._ordered))
+            self._hearing = session.declare_subscriber(keys.inbox(it.name), self._frames.push)
+            self._answering = session.declare_queryable(self._control, self._orders.push)
+            self._token = session.liveliness().declare_token(keys.alive(it.name, it.incarnation))
+            await self._flush_until_stopped()
+        finally:
+            session.close()
+        if self._killed:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self._crashed:
+            sys.exit(1)
+
+    def _write(self, target: str, frame: Frame) -> None:
+        self._links[target].put(encode(frame))
+
+    def _guard(self, handle: Callable[[list[Any]], None]) -> Callable[[list[Any]], None]:
+        """An exception in the agent's code ends its process, and is told."""
+
+        def guarded(items: list[Any]) -> None:
+            try:
+                handle(items)
+            except Exception as error:  # noqa: BLE001 - whatever a user's agent raises is reported and ends it
+                self._crash(error)
+
+        return guarded
+
+    def _crash(self, error: Exception) -> None:
+        if self._node is not None:
+            text = "".join(traceback.format_exception(error))
+            self._node.journal.events.append({"event": "crashed", "error": str(error), "traceback": text})
+        self._crashed = True
+        self._stopped.set()
+
+    # -- what comes in ------------------------------------------------------------------------------------------
+
+    def _arrived(self, samples: list[zs.Sample]) -> None:
+        frames = [(Keys.source_of(str(sample.key_expr)), decode(sample.payload.to_bytes())) for sample in samples]
+        if self._node is None:
+            self._early += frames
+        elif not self._stopped.is_set():
+            self._pacer.arrived(frames)
+
+    def _ordered(self, queries: list[zs.Query]) -> None:
+        for query in queries:
+            with query:
+                order = msgpack.unpackb(query.payload.to_bytes())
+                answer = self._obey(order.pop("do"), **order)
+                query.reply(self._control, msgpack.packb(answer))
+
+    def _obey(self, do: str, **order: Any) -> Any:
+        orders: dict[str, Callable[..., Any]] = {
+            "start": self._start,
+            "arm": self._arm,
+            "hold": self._pacer.hold,
+            "release": self._pacer.release,
+            "end": self._end,
+            "stop": self._stop,
+        }
+        return orders[do](**order)
+
+    def _start(self, epoch_ns: int, start_ns: int, faults: list[Any]) -> bool:
+        """Come to life at `start_ns`; nominal time 0 is at `epoch_ns` on the monotonic clock."""
+        it = self._it
+        node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns)
+        for fault in faults:
+            node.arm(from_plain(fault))
+        self._node = node
+        self._pacer.begin(node, epoch_ns)
+        self._pacer.arrived(self._early)
+        self._early = []
+        return True
+
+    def _arm(self, fault: Any, instant_ns: int) -> bool:
+        return self._pacer.arm(from_plain(fault), instant_ns)
+
+    def _end(self, instant_ns: int) -> bool:
+        """The run ends earlier than planned, at an instant that is still to come."""
+        return self._pacer.end_at(instant_ns)
+
+    def _stop(self) -> list[dict[str, Any]]:
+        """The last entries; the process ends."""
+        self._finish()
+        self._stopped.set()
+        return [self._take()] if self._node is not None and self._node.journal else []
+
+    # -- what goes out ------------------------------------------------------------------------------------------
+
+    def _take(self) -> dict[str, Any]:
+        assert self._node is not None
+        self._batches += 1
+        return {"number": self._batches, "now_ns": self._pacer.now_ns(), **self._node.take_journal().to_dict()}
+
+    def _flush(self) -> None:
+        if self._node is not None:
+            self._telemetry.put(msgpack.packb(self._take()))
+
+    async def _flush_until_stopped(self) -> None:
+        while not self._stopped.is_set():
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._stopped.wait(), FLUSH_EVERY_S)
+            self._flush()
+        self._pacer.close()
+
+    def _done(self) -> None:
+        """The run is over for this node: an injected kill, or the end."""
+        assert self._node is not None
+        if self._node.dead and not self._killed:
+            self._killed = True
+            self._stopped.set()
+        elif not self._node.dead:
+            self._finish()
+
+    def _finish(self) -> None:
+        if self._node is None or self._finished:
+            return
+        self._finished = True
+        if not self._node.dead:
+            self._node.finish()
+        usage = resource.getrusage(resource.RUSAGE_SELF)
+        self._node.journal.events.append(
+            {
+                "event": "done",
+                "time_ns": self._pacer.now_ns(),
+                "cpu_s": usage.ru_utime + usage.ru_stime,
+                "pss_kb": _pss_kb(),
+                "overflowed": self._frames.overflowed,
+                "lateness_ns": _quantiles(self._pacer.lateness_ns),
+            }
+        )
+
+
+def _pss_kb() -> int:
+    """Proportional set size of this process: its own memory and its share of what it has in common with others."""
+    rollup = Path("/proc/self/smaps_rollup").read_text(encoding="ascii")
+    return next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
+
+
+def _quantiles(lateness_ns: list[int]) -> list[int]:
+    """Median, 99th percentile and largest of how late events were handled; empty in lockstep pace."""
+    if not lateness_ns:
+        return []
+    return [int(value) for value in np.quantile(lateness_ns, [0.5, 0.99, 1.0])]

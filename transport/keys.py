@@ -1,0 +1,51 @@
+"""Key expressions of a run: volery/<run>/link/<src>/<dst>, …/control/<agent>/<incarnation>, …/telemetry/<agent>,
+…/alive/<agent>/<incarnation>, …/supervisor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+ROOT = "volery"
+OPERATOR = "operator"
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The keys of one run."""
+
+    run: str
+
+    def link(self, source: str, target: str) -> str:
+        """Frames and promises from one agent to a neighbour."""
+        return f"{ROOT}/{self.run}/link/{source}/{target}"
+
+    def inbox(self, target: str) -> str:
+        """Everything that neighbours send to an agent."""
+        return self.link("*", target)
+
+    def supervisor(self) -> str:
+        """Queries to the supervisor."""
+        return f"{ROOT}/{self.run}/supervisor"
+
+    def control(self, name: str, incarnation: int | str = "*") -> str:
+        """Queries to an agent; `*` for all."""
+        return f"{ROOT}/{self.run}/control/{name}/{incarnation}"
+
+    def telemetry(self, name: str) -> str:
+        """Journal batches of an agent; `*` for all."""
+        return f"{ROOT}/{self.run}/telemetry/{name}"
+
+    def alive(self, name: str, incarnation: int | str = "*") -> str:
+        """Liveliness token of an agent; `*` for all."""
+        return f"{ROOT}/{self.run}/alive/{name}/{incarnation}"
+
+    @staticmethod
+    def source_of(link_key: str) -> str:
+        """Who sent what came on this link key."""
+        return link_key.rsplit("/", 2)[1]
+
+    @staticmethod
+    def agent_of(key: str) -> tuple[str, int]:
+        """Agent and incarnation of a control or alive key."""
+        _, name, incarnation = key.rsplit("/", 2)
+        return name, int(incarnation)

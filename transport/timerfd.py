@@ -1,0 +1,55 @@
+"""A one-shot timer on the monotonic clock that wakes an asyncio loop: Linux timerfd, finer than the loop's own timers."""
+
+from __future__ import annotations
+
+import asyncio
+import ctypes
+import os
+import time
+from collections.abc import Callable
+
+_NONBLOCK_CLOEXEC = os.O_NONBLOCK | os.O_CLOEXEC
+_ABSOLUTE = 1
+_BILLION = 1_000_000_000
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class _Itimerspec(ctypes.Structure):
+    _fields_ = (("interval", _Timespec), ("value", _Timespec))
+
+
+class TimerFd:
+    """Calls `wake` once the monotonic clock has reached the instant that was set; a later `set` replaces it."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, wake: Callable[[], None]) -> None:
+        self._loop = loop
+        self._wake = wake
+        self._spec = _Itimerspec()
+        self._pointer = ctypes.byref(self._spec)
+        self._fd = _libc.timerfd_create(time.CLOCK_MONOTONIC, _NONBLOCK_CLOEXEC)
+        if self._fd < 0:
+            raise OSError(ctypes.get_errno(), "timerfd_create")
+        loop.add_reader(self._fd, self._fired)
+
+    def set(self, monotonic_ns: int) -> None:
+        """Fire at this instant, at once if it has passed."""
+        seconds, nanoseconds = divmod(max(monotonic_ns, 1), _BILLION)
+        self._spec.value.seconds = seconds
+        self._spec.value.nanoseconds = nanoseconds
+        _libc.timerfd_settime(self._fd, _ABSOLUTE, self._pointer, None)
+
+    def _fired(self) -> None:
+        try:
+            os.read(self._fd, 8)
+        except BlockingIOError:
+            return
+        self._wake()
+
+    def close(self) -> None:
+        """Give the descriptor back."""
+        self._loop.remove_reader(self._fd)
+        os.close(self._fd)
