@@ -1,5 +1,71 @@
-"""Graphs and weights."""
+"""Graphs and weights: what is a neighbour, and how much it counts.
 
+A topology is a networkx graph of named agents, validated once and listed in natural order: generators, arrays of
+flying-array modules, files, the proximity graph of agents that move, and `build` for a scenario's `topology:` mapping.
+Beside them stand what follows from a graph: consensus weights, spectra and distances, colourings for slot plans.
+"""
+
+from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
+from .building import build
+from .colouring import edge_colouring, node_colouring
+from .files import read
+from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
+from .random_graphs import erdos_renyi, geometric, proximity, small_world
+from .regular import complete, grid, line, ring, star
+from .spectra import (
+    algebraic_connectivity,
+    ball,
+    contraction,
+    diameter,
+    laplacian,
+    laplacian_spectrum,
+    normalised_connectivity,
+    rounds_to,
+)
+from .weights import Weights, constant_edge, maximum_degree, metropolis, metropolis_weight, weight_matrix
 
-__all__ = ["check_name", "natural_key"]
+__all__ = [
+    "MODULE_SPACING",
+    "Position",
+    "Weights",
+    "agents",
+    "algebraic_connectivity",
+    "ball",
+    "build",
+    "check_name",
+    "complete",
+    "constant_edge",
+    "contraction",
+    "diameter",
+    "edge_colouring",
+    "edges",
+    "erdos_renyi",
+    "four_module_array",
+    "from_edges",
+    "geometric",
+    "grid",
+    "hexagonal",
+    "laplacian",
+    "laplacian_spectrum",
+    "line",
+    "maximum_degree",
+    "metropolis",
+    "metropolis_weight",
+    "natural_key",
+    "neighbours",
+    "node_colouring",
+    "normalised_connectivity",
+    "ordered",
+    "positions",
+    "proximity",
+    "random_hexagonal",
+    "read",
+    "ring",
+    "rounds_to",
+    "sixteen_module_array",
+    "small_world",
+    "star",
+    "validate",
+    "weight_matrix",
+]

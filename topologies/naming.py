@@ -27,4 +27,6 @@ def check_name(name: object) -> str:
     """
     if isinstance(name, str) and _NAME.fullmatch(name):
         return name
-    raise BadInput(f"{name!r} cannot be an agent's name: use ASCII letters, digits and underscores, as in '7' or 'uav_2'")
+    raise BadInput(
+        f"{name!r} cannot be an agent's name: use ASCII letters, digits and underscores, as in '7' or 'uav_2'"
+    )

@@ -1,0 +1,80 @@
+"""Regular graphs: line, ring, star, complete graph and grid, on agents "1" to "N"."""
+
+from __future__ import annotations
+
+import math
+
+import networkx as nx
+
+from .bounds import at_least, positive
+from .graphs import Position, from_edges
+
+
+def line(count: int, spacing: float = 1.0) -> nx.Graph:
+    """Each agent linked to the next, `spacing` metres apart on the x axis, about the centroid.
+
+    Raises:
+        BadInput: fewer than 2 agents, or a spacing that is not positive.
+    """
+    return grid(1, at_least(count, 2, "count"), spacing)
+
+
+def ring(count: int, spacing: float = 1.0) -> nx.Graph:
+    """Each agent linked to the next and the last to the first; a regular polygon with sides of `spacing` metres.
+
+    Raises:
+        BadInput: fewer than 3 agents, or a spacing that is not positive.
+    """
+    radius = positive(spacing, "spacing") / (2 * math.sin(math.pi / at_least(count, 3, "count")))
+    return from_edges(_numbered(nx.cycle_graph(count)), positions=_circle(1, count, radius))
+
+
+def star(count: int, spacing: float = 1.0) -> nx.Graph:
+    """Agent "1" linked to all others, which stand on a circle of radius `spacing` metres around it.
+
+    Raises:
+        BadInput: fewer than 2 agents, or a spacing that is not positive.
+    """
+    at_least(count, 2, "count")
+    around = _circle(2, count - 1, positive(spacing, "spacing"))
+    return from_edges(_numbered(nx.star_graph(count - 1)), positions=centred({"1": (0.0, 0.0), **around}))
+
+
+def complete(count: int) -> nx.Graph:
+    """Every agent linked to every other; it has no positions.
+
+    Raises:
+        BadInput: fewer than 2 agents.
+    """
+    return from_edges(_numbered(nx.complete_graph(at_least(count, 2, "count"))))
+
+
+def grid(rows: int, columns: int, spacing: float = 1.0) -> nx.Graph:
+    """Square grid, numbered row by row; each agent linked to those `spacing` metres beside, above and below it.
+
+    Raises:
+        BadInput: no row, no column, fewer than 2 agents, or a spacing that is not positive.
+    """
+    at_least(rows, 1, "rows")
+    at_least(columns, 1, "columns")
+    positive(spacing, "spacing")
+    raw = nx.grid_2d_graph(rows, columns)
+    places = {str(number): (spacing * column, spacing * row) for number, (row, column) in enumerate(raw, start=1)}
+    return from_edges(_numbered(raw), names=places, positions=centred(places))
+
+
+def centred(places: dict[str, tuple[float, float]]) -> dict[str, Position]:
+    """The same places, shifted so that their centroid is the origin; metres in, metres out."""
+    middle_x = math.fsum(x for x, _ in places.values()) / len(places)
+    middle_y = math.fsum(y for _, y in places.values()) / len(places)
+    return {agent: (x - middle_x, y - middle_y) for agent, (x, y) in places.items()}
+
+
+def _circle(first: int, count: int, radius: float) -> dict[str, tuple[float, float]]:
+    angles = {str(first + index): 2 * math.pi * index / count for index in range(count)}
+    return {agent: (radius * math.cos(angle), radius * math.sin(angle)) for agent, angle in angles.items()}
+
+
+def _numbered(raw: nx.Graph) -> list[tuple[str, str]]:
+    number = {node: str(index) for index, node in enumerate(raw, start=1)}
+    return [(number[first], number[second]) for first, second in raw.edges()]
