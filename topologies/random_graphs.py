@@ -95,7 +95,7 @@ def proximity(positions: Mapping[str, Sequence[float]], radius: float) -> nx.Gra
         raise BadInput(f"positions need 2 coordinates for all agents, or 3 for all: there are {found}")
     graph = nx.Graph()
     graph.add_nodes_from((name, {"position": place}) for name, place in places.items())
-    points = np.array(list(places.values())).reshape(len(names), -1)
+    points = np.array(list(places.values()))
     for index, name in enumerate(names):
         near = np.linalg.norm(points[index + 1 :] - points[index], axis=1) <= radius
         graph.add_edges_from((name, names[index + 1 + other]) for other in np.flatnonzero(near))
