@@ -40,7 +40,7 @@ def read(path: str | Path) -> nx.Graph:
 
 
 def _graphml(path: Path) -> nx.Graph:
-    return _with_positions(nx.read_graphml(path, force_multigraph=True))
+    return _with_positions(nx.read_graphml(path))
 
 
 def _edge_list(path: Path) -> nx.Graph:

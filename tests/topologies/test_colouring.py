@@ -76,6 +76,12 @@ def test_hidden_terminals_get_different_slots() -> None:
     assert len(set(topologies.node_colouring(star, 1).values())) == 2
 
 
+def test_crowded_agents_choose_first() -> None:
+    """On the line 1-3-4-2 the inner agents choose first, and two colours are enough; by name it would take three."""
+    graph = topologies.from_edges([("1", "3"), ("3", "4"), ("4", "2")])
+    assert topologies.node_colouring(graph, 1) == {"1": 1, "2": 0, "3": 0, "4": 1}
+
+
 def test_distance_below_one_is_refused() -> None:
     """A distance of zero separates nobody."""
     with pytest.raises(BadInput, match="distance is 0"):

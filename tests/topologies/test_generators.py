@@ -49,6 +49,20 @@ def test_regular_positions(count: int, spacing: float) -> None:
         assert np.allclose(np.mean(list(places.values()), axis=0), 0, atol=1e-13 * spacing)
 
 
+def test_smallest_star_is_centred() -> None:
+    """A star of two agents has its hub beside the centroid."""
+    assert topologies.positions(topologies.star(2, 3.0)) == {"1": (-1.5, 0.0), "2": (1.5, 0.0)}
+
+
+def test_geometric_fills_the_square() -> None:
+    """Both coordinates spread over the square, independently of each other."""
+    places = np.array(list(topologies.positions(topologies.geometric(200, 2.0, 5, side=2.0)).values()))
+    # Uniform on 2 m: standard deviation 0.577 m, known to within 1/√(5·200) = 3 % (one standard error).
+    assert np.std(places, axis=0) == pytest.approx(2 / math.sqrt(12), rel=0.15)
+    # The correlation of 200 independent pairs has standard deviation 1/√200 = 0.07.
+    assert abs(np.corrcoef(places.T)[0, 1]) < 0.35
+
+
 def test_grid_is_numbered_row_by_row() -> None:
     """Agent 2 stands beside agent 1, agent 4 in the next row of a grid of three columns."""
     assert topologies.neighbours(topologies.grid(2, 3), "1") == ["2", "4"]

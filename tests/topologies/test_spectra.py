@@ -100,8 +100,9 @@ def test_rounds_suffice_and_one_less_does_not(per_round: float, factor: float) -
 
 @given(st.floats(0.01, 0.99), st.integers(1, 40))
 def test_rounds_are_exact_at_powers(per_round: float, power: int) -> None:
-    """A factor that is a power of the contraction takes just that many rounds."""
+    """A factor that is a power of the contraction takes just that many rounds, the next number below one more."""
     assert topologies.rounds_to(per_round, per_round**power) == power
+    assert topologies.rounds_to(per_round, math.nextafter(per_round**power, 0)) == power + 1
 
 
 @pytest.mark.parametrize(("per_round", "factor"), [(1.0, 0.5), (-0.1, 0.5), (0.5, 0.0), (0.5, 1.0), (math.nan, 0.5)])
