@@ -24,12 +24,13 @@ def agent_rules(keys: Keys, agent: str, neighbours: Iterable[str]) -> list[Rule]
     out = [keys.link(agent, other) for other in neighbours]
     heard = [keys.link(other, agent) for other in neighbours]
     own, control = [keys.telemetry(agent)], [keys.control(agent)]
+    inboxes = [keys.inbox(other) for other in neighbours]
     return [
         _rule(f"{agent}-put", ["put"], "ingress", out + own),
-        _rule(f"{agent}-heard-out", ["declare_subscriber"], "egress", [keys.inbox(other) for other in neighbours] + own),
+        _rule(f"{agent}-heard-out", ["declare_subscriber"], "egress", [*inboxes, keys.telemetry("*")]),
         _rule(f"{agent}-hear", ["put"], "egress", heard),
         _rule(f"{agent}-inbox", ["declare_subscriber"], "ingress", [keys.inbox(agent)]),
-        _rule(f"{agent}-asked", ["query"], "egress", control),
+        _rule(f"{agent}-asked", ["query"], "egress", [*control, keys.control("*")]),
         _rule(f"{agent}-answers", ["declare_queryable", "reply"], "ingress", control),
         _rule(f"{agent}-alive", ["liveliness_token"], "ingress", [keys.alive(agent)]),
     ]

@@ -24,6 +24,7 @@ Session = zenoh.Session
 Query = zenoh.Query
 Sample = zenoh.Sample
 ZError = zenoh.ZError
+PUT = zenoh.SampleKind.PUT
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,334 @@
+"""The supervisor of a swarm over Zenoh: opens the hub, spawns the agents, injects, watches and ends.
+
+Frames go from agent to agent through the hub's router; no Python of the supervisor touches them. It hears journals.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+from typing import Any
+
+import msgpack
+
+from ..agents.journal import Batch
+from ..agents.plan import Plan
+from ..agents.process import Assignment, Pace
+from ..errors import RunFailed
+from ..transport import zenoh_session as zs
+from ..transport.access import access_control
+from ..transport.faults import Kill, to_plain
+from ..transport.keys import OPERATOR, Keys
+from .spawning import prepare, spawn
+from .status import Status
+from .twin import RecordSink
+
+_JOIN_TIMEOUT_S = 60.0
+_ANSWER_TIMEOUT_S = 10.0
+_LEAVE_TIMEOUT_S = 5.0
+_HEAD_START_S = 0.1
+_HEAD_START_PER_AGENT_S = 0.005
+_STANDBY_S = 2.0
+_OVERDUE_S = 20.0
+_TELEMETRY_LIMIT = 1_000_000
+
+
+@dataclass
+class _Member:
+    """One process of the swarm."""
+
+    process: ForkServerProcess
+    joined: asyncio.Event = field(default_factory=asyncio.Event)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    done: bool = False
+    kill_expected: bool = False
+    batches: int = 0
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: what went wrong, if anything, and how long it took."""
+
+    problems: tuple[str, ...]
+    wall_s: float
+
+
+class Swarm:
+    """One run of a plan in processes of its own.
+
+    Args:
+        plan: what to run.
+        sink: where the entries go.
+        run: name of the run in the keys.
+        pace: realtime or lockstep.
+        speed: nominal seconds per wall second, in realtime pace.
+        listen: the hub's endpoint.
+    """
+
+    def __init__(
+        self, plan: Plan, sink: RecordSink, run: str, pace: Pace = "realtime", speed: float = 1.0, listen: str = "tcp/127.0.0.1:0"
+    ) -> None:
+        self.plan = plan
+        self.pace = pace
+        self.status = Status(plan.duration_ns, len(plan.agents))
+        self.endpoint = ""
+        self.passwords = {name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)}
+        self.session: zs.Session
+        self.ready = asyncio.Event()
+        self._sink = sink
+        self._keys = Keys(run)
+        self._speed = speed
+        self._listen = listen
+        self._members: dict[tuple[str, int], _Member] = {}
+        self._epoch_ns = 0
+        self._over = asyncio.Event()
+        self._problems: list[str] = []
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._end_ns = plan.duration_ns
+
+    async def run(self) -> Ending:
+        """The whole life of the swarm; however it ends, no process and no session is left behind.
+
+        Raises:
+            BadInput: the endpoint cannot be used.
+            RunFailed: an agent did not join.
+        """
+        began = time.monotonic()
+        prepare()
+        self._loop = asyncio.get_running_loop()
+        with tempfile.TemporaryDirectory(prefix="volery-") as private:
+            passwords = Path(private) / "passwords"
+            passwords.write_text("".join(f"{user}:{word}\n" for user, word in self.passwords.items()), encoding="ascii")
+            control = access_control(self._keys, {agent.name: agent.neighbours for agent in self.plan.agents})
+            self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
+        try:
+            telemetry = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._heard)
+            tokens = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._token_changed)
+            hearing = self.session.declare_subscriber(self._keys.telemetry("*"), telemetry.push)
+            watching = self.session.liveliness().declare_subscriber(self._keys.alive("*"), tokens.push, history=True)
+            await self._start()
+            await self._over.wait()
+            await self._finish()
+            del hearing, watching
+        finally:
+            for task in self._tasks:
+                task.cancel()
+            await self._end_processes()
+            await asyncio.to_thread(self.session.close)  # type: ignore[no-untyped-call]
+        return Ending(tuple(self._problems), time.monotonic() - began)
+
+    # -- beginning ----------------------------------------------------------------------------------------------
+
+    async def _start(self) -> None:
+        for agent in self.plan.agents:
+            self._spawn(agent.name, 0)
+        await self._joined([(agent.name, 0) for agent in self.plan.agents])
+        head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.agents)
+        self._epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
+        self._sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
+        await self.order({"do": "start", "epoch_ns": self._epoch_ns, "start_ns": 0, "faults": []})
+        self.ready.set()
+        for agent in self.plan.agents:
+            for incarnation, kill in enumerate(self.plan.kills(agent.name), start=1):
+                self._members[agent.name, incarnation - 1].kill_expected = True
+                if kill.until_ns is not None:
+                    self._background(self._restart_at(kill, incarnation))
+        self._background(self._watch_the_end())
+
+    def _spawn(self, name: str, incarnation: int) -> _Member:
+        assignment = Assignment(
+            self.plan, name, incarnation, self._keys.run, self.endpoint, self.passwords[name], self.pace, self._speed
+        )
+        member = _Member(spawn(assignment))
+        self._members[name, incarnation] = member
+        self._loop.add_reader(member.process.sentinel, self._process_ended, name, incarnation)
+        return member
+
+    async def _joined(self, who: list[tuple[str, int]]) -> None:
+        try:
+            async with asyncio.timeout(_JOIN_TIMEOUT_S):
+                for key in who:
+                    member = self._members[key]
+                    await _first(member.joined, member.ended)
+        except TimeoutError:
+            missing = [name for name, incarnation in who if not self._members[name, incarnation].joined.is_set()]
+            raise RunFailed(f"agents {', '.join(missing)} have not joined within {_JOIN_TIMEOUT_S:g} s") from None
+        if dead := [name for name, incarnation in who if self._members[name, incarnation].ended.is_set()]:
+            raise RunFailed(f"agents {', '.join(dead)} ended before the run began")
+
+    def _background(self, work: Any) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    # -- orders to agents ---------------------------------------------------------------------------------------
+
+    def now_ns(self) -> int:
+        """Nominal time: by the clock in realtime pace, else as last told by the agents."""
+        if self.pace == "realtime":
+            return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
+        return self.status.time_ns
+
+    def ahead_ns(self, wall_s: float) -> int:
+        """The nominal instant that the wall clock reaches so much later."""
+        return self.now_ns() + int(wall_s * 1e9 * self._speed)
+
+    async def order(self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*") -> dict[tuple[str, int], Any]:
+        """Give an order to all agents or to one; the answers of those that are alive."""
+        answers = await zs.ask(
+            self.session, self._keys.control(name, incarnation), msgpack.packb(order), _ANSWER_TIMEOUT_S
+        )
+        return {Keys.agent_of(key): msgpack.unpackb(answer) for key, answer in answers.items()}
+
+    def expect_kill(self, name: str) -> None:
+        """The next death of this agent is meant."""
+        self._members[self.current(name)].kill_expected = True
+
+    def current(self, name: str) -> tuple[str, int]:
+        """The newest incarnation of an agent."""
+        return name, max(incarnation for agent, incarnation in self._members if agent == name)
+
+    def is_alive(self, name: str) -> bool:
+        """Whether the agent's newest process lives."""
+        return not self._members[self.current(name)].ended.is_set()
+
+    async def standby(self, name: str) -> tuple[str, int]:
+        """A new process for an agent, joined but not yet alive in nominal time."""
+        _, incarnation = self.current(name)
+        key = (name, incarnation + 1)
+        self._spawn(*key)
+        await self._joined([key])
+        return key
+
+    async def revive(self, key: tuple[str, int], start_ns: int, faults: list[Any]) -> None:
+        """Let a process on standby live from an instant on."""
+        name, incarnation = key
+        order = {"do": "start", "epoch_ns": self._epoch_ns, "start_ns": start_ns, "faults": faults}
+        await self.order(order, name, incarnation)
+        self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
+
+    async def _restart_at(self, kill: Kill, incarnation: int) -> None:
+        assert kill.until_ns is not None
+        await asyncio.sleep(max(0.0, (kill.until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
+        key = (kill.agent, incarnation)
+        self._spawn(*key)
+        await self._joined([key])
+        await self.revive(key, kill.until_ns, [])
+
+    async def stop(self) -> None:
+        """End the run early, at one nominal instant for all."""
+        if not self.ready.is_set():
+            self._problems.append("stopped before the run began")
+            self._over.set()
+            return
+        held = (await self.order({"do": "hold"})).values()
+        self._end_ns = max([*held, self.ahead_ns(_HEAD_START_S)]) + 1 if self.pace == "realtime" else max(held) + 1
+        await self.order({"do": "end", "instant_ns": self._end_ns})
+        await self.order({"do": "release"})
+        self._sink.event({"event": "stopped", "time_ns": self._end_ns})
+
+    # -- what is heard ------------------------------------------------------------------------------------------
+
+    def _heard(self, samples: list[zs.Sample]) -> None:
+        for sample in samples:
+            self._take(msgpack.unpackb(sample.payload.to_bytes()))
+
+    def _take(self, data: dict[str, Any]) -> None:
+        number, now_ns = data.pop("number"), data.pop("now_ns")
+        batch = Batch.from_dict(data)
+        member = self._members[batch.agent, batch.incarnation]
+        member.batches += 1
+        if number != member.batches:
+            self._problems.append(f"agent {batch.agent}: {number - member.batches} journal batches were lost on the way")
+            member.batches = number
+        for event in batch.events:
+            if event["event"] == "done":
+                member.done = True
+            elif event["event"] == "crashed":
+                self._problems.append(f"agent {batch.agent} failed: {event['error']}")
+        self.status.take(batch, min(now_ns, self._end_ns))
+        if batch:
+            self._sink(batch)
+        self._check_over()
+
+    def _token_changed(self, samples: list[zs.Sample]) -> None:
+        for sample in samples:
+            name, incarnation = Keys.agent_of(str(sample.key_expr))
+            if sample.kind == zs.PUT and (name, incarnation) in self._members:
+                self._members[name, incarnation].joined.set()
+                self.status.alive.add(name)
+
+    def _process_ended(self, name: str, incarnation: int) -> None:
+        member = self._members[name, incarnation]
+        self._loop.remove_reader(member.process.sentinel)
+        member.process.join()
+        member.ended.set()
+        if self.current(name) == (name, incarnation):
+            self.status.alive.discard(name)
+        if not (member.done and member.process.exitcode == 0):
+            cause = "injected" if member.kill_expected else _cause(member.process.exitcode)
+            self._sink.event(
+                {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
+            )
+            if cause != "injected" and self.pace == "lockstep":
+                self._problems.append(f"agent {name} {cause}: lockstep pace cannot go on without its promises")
+                self._over.set()
+            elif cause.startswith("ended"):
+                self._problems.append(f"agent {name} {cause}")
+        self._check_over()
+
+    def _check_over(self) -> None:
+        newest = {name: self._members[self.current(name)] for name, _ in self._members}
+        if all(member.done or member.ended.is_set() for member in newest.values()) and not self._restarts_to_come():
+            self._over.set()
+
+    def _restarts_to_come(self) -> bool:
+        kills = [kill for agent in self.plan.agents for kill in self.plan.kills(agent.name)]
+        return any(kill.until_ns is not None and self.now_ns() < kill.until_ns < self._end_ns for kill in kills)
+
+    async def _watch_the_end(self) -> None:
+        """Realtime pace does not wait for ever for an agent that says nothing."""
+        while self.pace == "realtime":
+            overdue_s = (self.now_ns() - self._end_ns) / 1e9 / self._speed
+            if overdue_s > _OVERDUE_S:
+                silent = [name for (name, _), member in self._members.items() if not (member.done or member.ended.is_set())]
+                self._problems.append(f"agents {', '.join(silent)} have not ended {_OVERDUE_S:g} s after the run")
+                self._over.set()
+                return
+            await asyncio.sleep(1.0)
+
+    # -- ending -------------------------------------------------------------------------------------------------
+
+    async def _finish(self) -> None:
+        answers = await self.order({"do": "stop"})
+        for batches in answers.values():
+            for data in batches:
+                self._take(data)
+        self._sink.event({"event": "finished", "time_ns": self._end_ns})
+
+    async def _end_processes(self) -> None:
+        for member in self._members.values():
+            try:
+                async with asyncio.timeout(_LEAVE_TIMEOUT_S):
+                    await member.ended.wait()
+            except TimeoutError:
+                member.process.kill()
+                await asyncio.to_thread(member.process.join)
+                self._loop.remove_reader(member.process.sentinel)
+
+
+async def _first(*events: asyncio.Event) -> None:
+    waits = [asyncio.ensure_future(event.wait()) for event in events]
+    await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    for wait in waits:
+        wait.cancel()
+
+
+def _cause(exit_code: int | None) -> str:
+    return "was killed from outside" if exit_code is not None and exit_code < 0 else f"ended with exit code {exit_code}"
