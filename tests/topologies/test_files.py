@@ -86,8 +86,10 @@ def test_edge_list(tmp_path: Path, suffix: str) -> None:
         ("a.json", '{"nodes": [{"id": 1}, {"id": 2}], "edges": [{"source": 1}]}', "damaged"),
         (
             "a.json",
-            '{"multigraph": false, "nodes": [{"id": 1}, {"id": 2}],'
-            ' "edges": [{"source": 1, "target": 2}, {"source": 2, "target": 1}]}',
+            (
+                '{"multigraph": false, "nodes": [{"id": 1}, {"id": 2}], "links":'
+                '[{"source": 1, "target": 2}, {"source": 2, "target": 1}]}'
+            ),
             "edge 1-2 is there more than once",
         ),
         ("a.json", '{"directed": true, "nodes": [{"id": 1}, {"id": 2}], "edges": []}', "directed"),
