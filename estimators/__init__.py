@@ -1,0 +1,104 @@
+"""Estimators and consensus laws: pure functions and small state machines over numpy.
+
+`plane` holds the linear map and the exact inverse of the flying array's kinematics, `least_squares` the centralised and
+the neighbourhood estimate, `consensus` information pairs and their Metropolis round, `averaging`, `running_sum` and
+`flow_updating` the laws of average consensus that `laws` puts behind one interface, and `metrics` what is measured of a
+run, as `metrics.error` and so on.
+"""
+
+from . import metrics
+from .averaging import (
+    Averaging,
+    averaging_message,
+    averaging_receive,
+    averaging_round,
+    averaging_start,
+    averaging_update,
+    averaging_value,
+    weighted_average,
+)
+from .consensus import (
+    PACKED_SIZE,
+    InformationPair,
+    estimate,
+    initial_pair,
+    metropolis_round,
+    pack_pair,
+    unpack_pair,
+)
+from .flow_updating import (
+    FlowUpdating,
+    flow_updating_message,
+    flow_updating_receive,
+    flow_updating_round,
+    flow_updating_start,
+    flow_updating_update,
+    flow_updating_value,
+)
+from .laws import LAWS, ConsensusLaw
+from .least_squares import (
+    WELL_CONDITIONED,
+    HandedEstimate,
+    centralised_estimate,
+    covariance,
+    hand_on,
+    neighbourhood_estimate,
+    noncollinear,
+    well_conditioned,
+)
+from .plane import design_matrix, design_row, exact_state
+from .running_sum import (
+    RunningSum,
+    running_sum_message,
+    running_sum_receive,
+    running_sum_round,
+    running_sum_start,
+    running_sum_update,
+    running_sum_value,
+)
+
+__all__ = [
+    "LAWS",
+    "PACKED_SIZE",
+    "WELL_CONDITIONED",
+    "Averaging",
+    "ConsensusLaw",
+    "FlowUpdating",
+    "HandedEstimate",
+    "InformationPair",
+    "RunningSum",
+    "averaging_message",
+    "averaging_receive",
+    "averaging_round",
+    "averaging_start",
+    "averaging_update",
+    "averaging_value",
+    "centralised_estimate",
+    "covariance",
+    "design_matrix",
+    "design_row",
+    "estimate",
+    "exact_state",
+    "flow_updating_message",
+    "flow_updating_receive",
+    "flow_updating_round",
+    "flow_updating_start",
+    "flow_updating_update",
+    "flow_updating_value",
+    "hand_on",
+    "initial_pair",
+    "metrics",
+    "metropolis_round",
+    "neighbourhood_estimate",
+    "noncollinear",
+    "pack_pair",
+    "running_sum_message",
+    "running_sum_receive",
+    "running_sum_round",
+    "running_sum_start",
+    "running_sum_update",
+    "running_sum_value",
+    "unpack_pair",
+    "weighted_average",
+    "well_conditioned",
+]

@@ -1,0 +1,35 @@
+"""The checks that every array and every name of a neighbour pass on their way in."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import BadInput
+
+
+def as_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> NDArray[np.float64]:
+    """The values as a fresh, finite, C-contiguous float64 array of this shape; None stands for any length.
+
+    Raises:
+        BadInput: another shape, or a value that is not finite; the message gives `name`.
+    """
+    array = np.array(values, dtype=np.float64, order="C")
+    if array.ndim != len(shape) or any(want not in (None, size) for want, size in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("any" if want is None else str(want) for want in shape)
+        raise BadInput(f"{name} has shape {array.shape}: give ({wanted})")
+    if not np.isfinite(array).all():
+        raise BadInput(f"{name} holds a value that is not finite: {array.tolist()}")
+    return array
+
+
+def check_neighbour(name: str, neighbours: Collection[str]) -> None:
+    """Refuse a name that is not among the neighbours.
+
+    Raises:
+        BadInput: with the name and the neighbours.
+    """
+    if name not in neighbours:
+        raise BadInput(f"{name!r} is not a neighbour: the neighbours are {', '.join(neighbours) or 'none'}")

@@ -1,0 +1,91 @@
+"""The laws of average consensus behind one interface, so that an agent can run any of them.
+
+An agent starts a law, then repeats: send each neighbour its message, hand in what was received, do a round, read the
+value. Rounds need not be synchronous, and messages may be missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .averaging import (
+    averaging_message,
+    averaging_receive,
+    averaging_round,
+    averaging_start,
+    averaging_update,
+    averaging_value,
+)
+from .flow_updating import (
+    flow_updating_message,
+    flow_updating_receive,
+    flow_updating_round,
+    flow_updating_start,
+    flow_updating_update,
+    flow_updating_value,
+)
+from .running_sum import (
+    running_sum_message,
+    running_sum_receive,
+    running_sum_round,
+    running_sum_start,
+    running_sum_update,
+    running_sum_value,
+)
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class ConsensusLaw(Generic[State]):
+    """The functions of one law; `start` takes the own value, shape (n,), and neighbour → w_ij.
+
+    `message_size` maps n to the length of a message; laws that split evenly read the names of the neighbours only.
+    """
+
+    start: Callable[[ArrayLike, Mapping[str, float]], State]
+    message: Callable[[State, str], NDArray[np.float64]]
+    receive: Callable[[State, str, ArrayLike], State]
+    round: Callable[[State], State]
+    value: Callable[[State], NDArray[np.float64]]
+    update: Callable[[State, ArrayLike], State]
+    message_size: Callable[[int], int]
+
+
+LAWS: Mapping[str, ConsensusLaw[Any]] = MappingProxyType(
+    {
+        "metropolis": ConsensusLaw(
+            averaging_start,
+            averaging_message,
+            averaging_receive,
+            averaging_round,
+            averaging_value,
+            averaging_update,
+            lambda size: size,
+        ),
+        "running-sum": ConsensusLaw(
+            running_sum_start,
+            running_sum_message,
+            running_sum_receive,
+            running_sum_round,
+            running_sum_value,
+            running_sum_update,
+            lambda size: size + 1,
+        ),
+        "flow-updating": ConsensusLaw(
+            flow_updating_start,
+            flow_updating_message,
+            flow_updating_receive,
+            flow_updating_round,
+            flow_updating_value,
+            flow_updating_update,
+            lambda size: 2 * size,
+        ),
+    }
+)

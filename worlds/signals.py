@@ -1,0 +1,91 @@
+"""Signals of time: constant, stepped, sinusoidal. Times are nanoseconds since the epoch of the run."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+from ..errors import BadInput
+
+
+class Signal(Protocol):
+    """A quantity that changes in time; its unit is its owner's business."""
+
+    def value(self, time_ns: int) -> float:
+        """The value at an instant."""
+
+    def bounds(self) -> tuple[float, float]:
+        """The smallest and the largest value that it can take."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Always the same value."""
+
+    level: float
+
+    def value(self, time_ns: int) -> float:
+        """The level."""
+        return self.level
+
+    def bounds(self) -> tuple[float, float]:
+        """The level, twice."""
+        return self.level, self.level
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The n-th level from the n-th time on, until the next time; times ascend from 0.
+
+    Raises:
+        BadInput: times that do not begin at 0, do not ascend, or are not as many as the levels.
+    """
+
+    times_ns: tuple[int, ...]
+    levels: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        times = self.times_ns
+        if len(times) != len(self.levels):
+            raise BadInput(f"{len(times)} times and {len(self.levels)} levels: give one level for each time")
+        if not times or times[0] != 0 or any(late <= early for early, late in pairwise(times)):
+            raise BadInput(f"steps at {list(times)} ns must begin at 0 and ascend")
+
+    def value(self, time_ns: int) -> float:
+        """The level of the last step that is not after `time_ns`; the first one before 0."""
+        return self.levels[max(bisect_right(self.times_ns, time_ns) - 1, 0)]
+
+    def bounds(self) -> tuple[float, float]:
+        """The lowest and the highest level."""
+        return min(self.levels), max(self.levels)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """mean + amplitude · sin(2π · frequency · t + phase); frequency in Hz, phase in rad.
+
+    Raises:
+        BadInput: frequency not above 0.
+    """
+
+    mean: float
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the frequency."""
+        if self.frequency <= 0.0:
+            raise BadInput(f"frequency {self.frequency} Hz must be above 0: for no change write the value alone")
+
+    def value(self, time_ns: int) -> float:
+        """The value at an instant."""
+        return self.mean + self.amplitude * math.sin(math.tau * self.frequency * (time_ns * 1e-9) + self.phase)
+
+    def bounds(self) -> tuple[float, float]:
+        """Mean less and plus amplitude."""
+        return self.mean - abs(self.amplitude), self.mean + abs(self.amplitude)
