@@ -63,7 +63,7 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
         ({"altitude": {}}, "world.altitude: write a quantity"),
         ({"pitch": {"sine": {"amplitude": "5 deg"}}}, "world.pitch.sine: frequency is missing"),
         ({"pitch": {"sine": {"amplitude": "5 deg", "frequency": 0}}}, "world.pitch.sine: frequency 0.0 Hz"),
-        ({"pitch": {"sine": {"amplitud": "5 deg"}}}, r"world.pitch.sine: 'amplitud' .* did you mean amplitude\?"),
+        ({"pitch": {"sine": {"amplitudes": "5 deg"}}}, r"world.pitch.sine: 'amplitudes' .* did you mean amplitude\?"),
         ({"roll": "95 deg"}, "world: roll reaches 95 deg"),
         ({"roll": "1e999 deg"}, "world.roll: '1e999 deg' is not finite"),
         ({"rate": "-5 Hz"}, "world: rate -5.0 Hz must be above 0"),
