@@ -1,0 +1,141 @@
+"""Reports of all agents side by side: one row a sample, one column an agent, with what they should have been.
+
+Agents that number their samples are compared sample by sample: what an agent reported last under an index counts, and
+the instant of a sample is that of its last report. Agents that do not, whose indices repeat or go back in between, are
+compared instant by instant: at each instant at which anybody reported, everybody's latest report counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..agents.plan import Plan
+from ..agents.registry import find
+from ..errors import BadInput
+from ..estimators.metrics import disagreement, error
+from ..transport.faults import Fault, Kill
+from .record import Record, Series
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """T samples of N agents with k components each; NaN where an agent has no estimate or a reference is not known.
+
+    time_ns (T,) int64; index (T,) int64; estimate, oracle, truth (T, N, k) in the agents' units, each entry of oracle
+    and truth belonging to the report beside it.
+    """
+
+    agents: tuple[str, ...]
+    time_ns: Whole
+    index: Whole
+    estimate: Floats
+    oracle: Floats
+    truth: Floats
+
+    @cached_property
+    def disagreement(self) -> Floats:
+        """Root mean square distance of the agents to their mean, (T,)."""
+        return disagreement(self.estimate)
+
+    @cached_property
+    def oracle_error(self) -> Floats:
+        """Two-norm of each agent's difference to the oracle, (T, N)."""
+        return error(self.estimate, self.oracle)
+
+    @cached_property
+    def truth_error(self) -> Floats:
+        """Two-norm of each agent's difference to the truth, (T, N)."""
+        return error(self.estimate, self.truth)
+
+
+def samples(record: Record, quantity: str) -> Samples:
+    """The reports of a quantity side by side.
+
+    Raises:
+        BadInput: nobody reported it, or in different lengths.
+    """
+    series = record.estimates(quantity)
+    beside = {agent: references(record.plan, agent, quantity, mine) for agent, mine in series.items()}
+    if _numbered([mine.sample for mine in series.values()]):
+        time_ns, index, rows = _by_sample(series)
+    else:
+        time_ns, index, rows = _by_instant(series, record.faults)
+    columns = [
+        np.stack([_take(of[agent], rows[agent]) for agent in series], axis=1)
+        for of in (
+            {agent: mine.value for agent, mine in series.items()},
+            {agent: oracle for agent, (oracle, _) in beside.items()},
+            {agent: truth for agent, (_, truth) in beside.items()},
+        )
+    ]
+    return Samples(tuple(series), time_ns, index, *columns)
+
+
+def _numbered(indices: list[Whole]) -> bool:
+    """Whether agents go up through their samples, perhaps with several reports for one, and do not all stay at one."""
+    ascend = all((np.diff(index) >= 0).all() for index in indices)
+    return ascend and any(len(index) == 1 or index[0] != index[-1] for index in indices)
+
+
+def _take(values: Floats, rows: Whole) -> Floats:
+    """The rows of an array, NaN for row −1."""
+    return np.where(rows[:, np.newaxis] >= 0, values[rows], np.nan)
+
+
+def _by_sample(series: Mapping[str, Series]) -> tuple[Whole, Whole, dict[str, Whole]]:
+    index = np.unique(np.concatenate([mine.sample for mine in series.values()]))
+    time_ns = np.zeros(len(index), dtype=np.int64)
+    rows: dict[str, Whole] = {}
+    for agent, mine in series.items():
+        last = np.searchsorted(mine.sample, index, side="right") - 1
+        has = (last >= 0) & (mine.sample[last] == index)
+        rows[agent] = np.where(has, last, -1)
+        time_ns = np.where(has, np.maximum(time_ns, mine.time_ns[last]), time_ns)
+    return np.maximum.accumulate(time_ns), index, rows
+
+
+def _by_instant(series: Mapping[str, Series], faults: tuple[Fault, ...]) -> tuple[Whole, Whole, dict[str, Whole]]:
+    time_ns = np.unique(np.concatenate([mine.time_ns for mine in series.values()]))
+    index = np.full(len(time_ns), -1, dtype=np.int64)
+    rows: dict[str, Whole] = {}
+    for agent, mine in series.items():
+        last = np.searchsorted(mine.time_ns, time_ns, side="right") - 1
+        for fault in faults:
+            if isinstance(fault, Kill) and fault.agent == agent:
+                last[(time_ns >= fault.at_ns) & (mine.time_ns[last] < fault.at_ns)] = -1
+        rows[agent] = last
+        index = np.maximum(index, np.where(last >= 0, mine.sample[last], -1))
+    return time_ns, index, rows
+
+
+def references(plan: Plan, agent: str, quantity: str, mine: Series) -> tuple[Floats, Floats]:
+    """What the oracle says and what is true for each report, (n, k), rows of NaN where they are not known."""
+    kind = find(plan.agent(agent).kind)
+    width = mine.value.shape[1]
+    reports = list(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True))
+    oracles = {
+        index: _row(kind.oracle(plan, quantity, index), width, f"{kind.__name__}.oracle of {quantity!r}")
+        for index in dict.fromkeys(mine.sample.tolist())
+    }
+    truths = [
+        _row(kind.truth(plan, quantity, index, time_ns), width, f"{kind.__name__}.truth of {quantity!r}")
+        for index, time_ns in reports
+    ]
+    return np.array([oracles[index] for index, _ in reports]), np.array(truths)
+
+
+def _row(value: ArrayLike | None, width: int, what: str) -> Floats:
+    if value is None:
+        return np.full(width, np.nan)
+    flat = np.asarray(value, dtype=np.float64).ravel()
+    if len(flat) != width:
+        raise BadInput(f"{what} has {len(flat)} components, the agents report {width}")
+    return flat

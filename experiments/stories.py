@@ -1,0 +1,197 @@
+"""The whole story of every frame: what its sender and its receiver wrote down, put together into one fate.
+
+A frame is known by link, incarnation of its sender and sequence number. Every number below an incarnation's next one
+has exactly one story; where nobody wrote one, and no reason for that is known, the frame is missing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple, TypeVar
+
+from ..agents.journal import Dropped, Heard, Late, Sent
+from ..transport.faults import Kill, LinkName
+from ..transport.links import DELIVERED
+from .record import Life, Record, last_ns
+
+_Entry = TypeVar("_Entry", Sent, Dropped, Heard)
+REFUSED, QUEUE = "refused", "queue"
+IN_FLIGHT, UNKNOWN, MISSING = "in-flight", "unknown", "missing"
+RECEIVER_DOWN, SENDER_DOWN = "receiver-down", "sender-down"
+
+
+class Story(NamedTuple):
+    """One frame. Times in nanoseconds, size in bytes of payload; None where it never came so far, or nobody told.
+
+    `fate` is refused, queue, delivered, in-flight, unknown, missing, or the cause of its loss.
+    `contradicted`: two accounts of this frame cannot both be true.
+    """
+
+    source: str
+    target: str
+    incarnation: int
+    sequence: int
+    size: int | None
+    start_ns: int | None
+    airtime_ns: int | None
+    due_ns: int | None
+    verdict: str | None
+    dropped_ns: int | None
+    behind_ns: int | None
+    fate: str
+    contradicted: bool
+
+
+@dataclass
+class _Told:
+    """Accounts of the frames of one link and incarnation, by sequence number."""
+
+    sent: dict[int, Sent] = field(default_factory=dict)
+    dropped: dict[int, Dropped] = field(default_factory=dict)
+    queued: set[int] = field(default_factory=set)
+    heard: dict[int, Heard] = field(default_factory=dict)
+    late: dict[int, Late] = field(default_factory=dict)
+    twice: set[int] = field(default_factory=set)
+
+    @cached_property
+    def last_heard(self) -> int:
+        """The last sequence number that the receiver wrote down, −1 for none."""
+        return max(self.heard, default=-1)
+
+    @cached_property
+    def last_told(self) -> int:
+        """The last sequence number that the sender wrote down, −1 for none."""
+        return max((*self.sent, *self.dropped, *self.queued), default=-1)
+
+    @property
+    def offered(self) -> int:
+        """The next sequence number."""
+        return 1 + max(self.last_heard, self.last_told)
+
+    def accounts(self, sequence: int) -> int:
+        """How many accounts the sender gave of a frame: exactly one, if its record is whole."""
+        return (sequence in self.sent) + (sequence in self.dropped) + (sequence in self.queued)
+
+
+def stories(record: Record) -> dict[LinkName, list[Story]]:
+    """Every frame of every directed link, in the order of incarnation and sequence number."""
+    told = _gather(record)
+    court = _Court(record)
+    found: dict[LinkName, list[Story]] = {link: [] for link in record.links()}
+    for link, incarnation in sorted(told, key=lambda key: key[1]):
+        mine = told[link, incarnation]
+        frames = (court.story(link, incarnation, mine, sequence) for sequence in range(mine.offered))
+        found.setdefault(link, []).extend(frames)
+    return found
+
+
+def _gather(record: Record) -> dict[tuple[LinkName, int], _Told]:
+    told: dict[tuple[LinkName, int], _Told] = defaultdict(_Told)
+    for (agent, incarnation), batch in record.batches.items():
+        for sent in batch.sent:
+            account = told[(agent, sent.target), incarnation]
+            _put(account.sent, sent.sequence, sent, account)
+        for dropped in batch.dropped:
+            account = told[(agent, dropped.target), incarnation]
+            _put(account.dropped, dropped.sequence, dropped, account)
+        for heard in batch.heard:
+            account = told[(heard.source, agent), heard.incarnation]
+            _put(account.heard, heard.sequence, heard, account)
+        for late in batch.late:
+            told[(late.source, agent), late.incarnation].late[late.sequence] = late
+        for event in batch.events:
+            if event["event"] == "queued":
+                told[(agent, event["target"]), incarnation].queued |= set(event["sequences"])
+    return told
+
+
+def _put(accounts: dict[int, _Entry], sequence: int, entry: _Entry, account: _Told) -> None:
+    if sequence in accounts:
+        account.twice.add(sequence)
+    accounts[sequence] = entry
+
+
+class _Gone(NamedTuple):
+    """A span in which an agent was not there to hear; `meant` by a fault, or else it may have heard some of it."""
+
+    at_ns: int
+    back_ns: int
+    meant: bool
+
+
+class _Court:
+    """Decides fates, from what is known of the ends of a link."""
+
+    def __init__(self, record: Record) -> None:
+        self._end_ns = record.last_ns
+        self._broken_off = record.broken_off
+        self._gone: dict[str, list[_Gone]] = defaultdict(list)
+        self._killed: Counter[str] = Counter()
+        for fault in record.faults:
+            if isinstance(fault, Kill) and fault.at_ns < self._end_ns:
+                self._killed[fault.agent] += 1
+                self._gone[fault.agent].append(_Gone(fault.at_ns, self._back(record, fault.agent, fault.at_ns), True))
+        for life in self._broken_off:
+            at_ns = last_ns(record.batches[life]) if life in record.batches else 0
+            self._gone[life[0]].append(_Gone(at_ns, self._back(record, life[0], at_ns), False))
+
+    def _back(self, record: Record, agent: str, at_ns: int) -> int:
+        back_ns = record.restart_ns(agent, at_ns)
+        return self._end_ns if back_ns is None else back_ns
+
+    def story(self, link: LinkName, incarnation: int, told: _Told, sequence: int) -> Story:
+        """All that is known of one frame."""
+        sent, heard = told.sent.get(sequence), told.heard.get(sequence)
+        dropped, late = told.dropped.get(sequence), told.late.get(sequence)
+        due_ns = sent.due_ns if sent else heard.due_ns if heard else None
+        return Story(
+            source=link[0],
+            target=link[1],
+            incarnation=incarnation,
+            sequence=sequence,
+            size=sent.size if sent else None,
+            start_ns=sent.start_ns if sent else None,
+            airtime_ns=sent.airtime_ns if sent else None,
+            due_ns=due_ns,
+            verdict=sent.verdict if sent else None,
+            dropped_ns=dropped.time_ns if dropped else None,
+            behind_ns=late.behind_ns if late else None,
+            fate=self._fate(link, incarnation, told, sequence),
+            contradicted=self._contradicted((link[0], incarnation), told, sequence),
+        )
+
+    def _fate(self, link: LinkName, incarnation: int, told: _Told, sequence: int) -> str:
+        if sequence in told.heard:
+            return told.heard[sequence].fate
+        if sequence in told.dropped:
+            return told.dropped[sequence].cause
+        if sequence in told.queued:
+            return SENDER_DOWN if self._killed[link[0]] > incarnation else IN_FLIGHT
+        broken = (link[0], incarnation) in self._broken_off
+        if sequence in told.sent:
+            return self._unheard(link[1], told.sent[sequence], last=sequence > told.last_heard, broken=broken)
+        return UNKNOWN if broken and sequence > told.last_told else MISSING
+
+    def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:
+        """The fate of a frame that was sent and that nobody wrote down as heard.
+
+        `last`: nothing later was heard from this life of the sender; `broken`: its record may stop before its end.
+        """
+        if sent.due_ns >= self._end_ns:
+            return IN_FLIGHT
+        for gone in self._gone[target]:
+            if sent.start_ns < gone.back_ns and (sent.due_ns >= gone.at_ns or (last and not gone.meant)):
+                return RECEIVER_DOWN if gone.meant else UNKNOWN
+        return UNKNOWN if broken and last else MISSING
+
+    def _contradicted(self, life: Life, told: _Told, sequence: int) -> bool:
+        if sequence in told.twice or told.accounts(sequence) > 1:
+            return True
+        heard, sent = told.heard.get(sequence), told.sent.get(sequence)
+        if heard is None:
+            return False
+        if sent is None:
+            return life not in self._broken_off or sequence <= told.last_told
+        return sent.due_ns != heard.due_ns or (heard.fate == DELIVERED and sent.verdict != DELIVERED)

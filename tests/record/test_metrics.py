@@ -1,0 +1,179 @@
+"""Metrics of runs whose errors are known in closed form."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from volery.agents.journal import Batch, Estimate, Late, Sent
+from volery.agents.plan import Plan
+from volery.errors import BadInput
+from volery.experiments.channels import channel
+from volery.experiments.fault_labels import fault_label
+from volery.experiments.metrics import compute_metrics
+from volery.experiments.record import Record
+from volery.experiments.samples import samples
+from volery.experiments.stories import stories
+from volery.experiments.tables import metrics_tables
+from volery.transport.faults import Kill, LinkFault, Pause
+from volery.transport.latencies import Constant, Normal
+from volery.transport.links import LinkSettings
+from volery.transport.losses import Bernoulli, GilbertElliott
+
+MS = 1_000_000
+Make = Callable[..., Any]
+MEAN = 1.5
+"""What the oracle of agents 1 and 2 says, with the opposite sign in the second component."""
+
+
+def decaying(agent: str, sign: float) -> Batch:
+    """Twenty reports, one each 50 ms, that differ from the oracle by ±0.5^k in the first component."""
+    batch = Batch(agent, 0)
+    for index in range(20):
+        batch.estimates.append(Estimate(50 * MS * index, "estimate", index, [MEAN + sign * 0.5**index, -MEAN]))
+    return batch
+
+
+def test_errors_of_a_known_course(record_of: Make) -> None:
+    """Two agents at ±0.5^k about the oracle: disagreement and error are 0.5^k, the truth is one off."""
+    metrics = compute_metrics(record_of(decaying("1", 1), decaying("2", -1)), threshold=0.1)
+    found = metrics.quantities["estimate"]
+    steady = 0.5 ** np.arange(15, 20)  # from 0.75 s on
+    assert (found.agents, found.samples) == (2, 20)
+    for one in (found.disagreement, found.oracle_error):
+        assert one.steady_rms == pytest.approx(math.sqrt(np.mean(steady**2)))
+        assert one.final == pytest.approx(0.5**19)
+        assert one.convergence_s == 0.2  # 0.5⁴ is the first that is at most 0.1
+    assert found.truth_error.steady_rms == pytest.approx(math.sqrt(np.mean(1 + steady**2)))
+    assert math.isnan(found.truth_error.convergence_s)
+    assert math.isnan(found.contraction)
+
+
+def test_components_are_in_their_units(record_of: Make) -> None:
+    """The labels of the agents' class name the components and scale them."""
+    altitude, roll = compute_metrics(record_of(decaying("1", 1), decaying("2", -1))).quantities["estimate"].components
+    assert (altitude.name, altitude.unit, roll.name, roll.unit) == ("altitude", "mm", "roll", "deg")
+    assert altitude.oracle_rms == pytest.approx(1e3 * math.sqrt(np.mean(0.25 ** np.arange(15, 20))))
+    assert (roll.oracle_rms, roll.truth_rms) == (0.0, 0.0)
+
+
+def test_recovery_after_a_fault(record_of: Make) -> None:
+    """The time from the end of the cut until the error is back within three times its median of the second before."""
+    cut = LinkFault("t1", 200 * MS, 201 * MS, (("1", "2"), ("2", "1")), {"cut": True})
+    batches = [Batch(name, 0) for name in ("1", "2")]
+    for batch in batches:
+        errors = [0.1] * 4 + [1.0] * 3 + [0.2] * 13
+        batch.estimates = [Estimate(50 * MS * k, "estimate", k, [MEAN + e, -MEAN]) for k, e in enumerate(errors)]
+    (recovery,) = compute_metrics(record_of(*batches, faults=(cut,))).quantities["estimate"].recoveries
+    assert (recovery.fault, recovery.label, recovery.of) == ("t1", "cut all", "error to oracle")
+    assert recovery.threshold == pytest.approx(0.3)
+    assert recovery.recovery_s == 0.149  # small again at 350 ms, the cut ended at 201 ms
+
+
+def test_what_is_not_defined_is_nan_and_null(record_of: Make) -> None:
+    """A quantity without oracle and truth, from one agent alone, has no errors and no disagreement."""
+    record: Record = record_of(Batch("1", 0, [Estimate(0, "own", 0, [1.0])]))
+    metrics = compute_metrics(record)
+    found = metrics.quantities["own"]
+    for one in (found.disagreement, found.oracle_error, found.truth_error):
+        assert all(map(math.isnan, (one.steady_rms, one.final, one.threshold, one.convergence_s, one.ise)))
+    data = json.loads(metrics.to_json())
+    assert data["quantities"]["own"]["oracle_error"]["final"] is None
+    assert data["links"]["1>2"]["account"]["latency_ns"] == [None, None, None]
+
+
+def test_contraction_of_rounds(record_of: Make) -> None:
+    """A quantity reported after each round of a consensus shows its factor, up to where rounding is the floor."""
+    batches = [Batch(name, 0) for name in ("1", "2")]
+    for batch, sign in zip(batches, (1, -1), strict=True):
+        reports = ((k, sign * 0.25**k) for k in range(30))
+        batch.estimates = [Estimate(k * MS, "estimate/round", k, [value]) for k, value in reports]
+    found = compute_metrics(record_of(*batches)).quantities["estimate/round"]
+    assert found.contraction == pytest.approx(0.25, rel=1e-9)
+
+
+def test_reports_without_numbers_are_held(record_of: Make) -> None:
+    """Agents that number nothing are compared at every instant with what each said last, and not while they are down."""
+    first = Batch("1", 0, [Estimate(t * MS, "x", 0, [float(t)]) for t in (0, 30)])
+    second = Batch("2", 0, [Estimate(t * MS, "x", 0, [float(t)]) for t in (10, 20)])
+    seen = samples(record_of(first, second, faults=(Kill("t1", 25 * MS, None, "2"),)), "x")
+    assert seen.time_ns.tolist() == [0, 10 * MS, 20 * MS, 30 * MS]
+    nan = math.nan
+    np.testing.assert_array_equal(seen.estimate[:, :, 0], [[0, nan], [0, 10], [0, 20], [30, nan]])
+
+
+def test_last_report_of_a_sample_counts(record_of: Make) -> None:
+    """Several reports for one sample are several rounds: the last stands; a sample that an agent missed is NaN."""
+    first = Batch("1", 0, [Estimate(1, "x", 0, [1.0]), Estimate(2, "x", 0, [2.0]), Estimate(5, "x", 1, [3.0])])
+    second = Batch("2", 0, [Estimate(4, "x", 0, [4.0])])
+    seen = samples(record_of(first, second), "x")
+    assert (seen.agents, seen.index.tolist(), seen.time_ns.tolist()) == (("1", "2"), [0, 1], [4, 5])
+    np.testing.assert_array_equal(seen.estimate[:, :, 0], [[2.0, 4.0], [3.0, math.nan]])
+
+
+def test_reference_of_another_length_is_an_error(record_of: Make) -> None:
+    """The message names the class and both lengths."""
+    with pytest.raises(BadInput, match="Averager.oracle of 'estimate' has 2 components, the agents report 1"):
+        samples(record_of(Batch("1", 0, [Estimate(0, "estimate", 0, [1.0])])), "estimate")
+
+
+def test_verdict_names_every_flaw(record_of: Make) -> None:
+    """Late frames, missing frames and agents that died unasked stand in the verdict; a good run says so."""
+    good = compute_metrics(record_of(Batch("1", 0))).fidelity
+    assert good.verdict == "as asked: no late frame, none lost by the middleware"
+    died = {"event": "died", "agent": "2", "incarnation": 0, "time_ns": 0, "cause": "was killed from outside"}
+    late = Batch("2", 0, late=[Late("1", 0, 3, 0, 4 * MS)])
+    found = compute_metrics(record_of(Batch("1", 0, [], [Sent("2", 1, 1, 0, 0, 0, "loss")]), late, events=[died])).fidelity
+    assert found.verdict == (
+        "not as asked: 1 late frames, by 4.0 ms at most; 1 frames lost by the middleware; died unasked: agent 2"
+    )
+    assert (found.behind_max_ns, found.broken_off) == (4 * MS, ("2",))
+
+
+def test_links_are_held_to_their_settings(plan_of: Make, twin_run: Callable[[Plan], Record]) -> None:
+    """Asked and achieved loss and latency: a fault's loss counts while it holds, the mean of the model always."""
+    links = LinkSettings(latency=Constant(5 * MS))
+    fault = LinkFault("t1", 500 * MS, None, (("1", "2"),), {"loss": (Bernoulli(1.0),)})
+    record = twin_run(plan_of([("1", "2")], 1000, settings=links, faults=(fault,)))
+    frames = stories(record)
+    found = channel(record, ("1", "2"), frames["1", "2"])
+    assert found.frames == 19  # sent 1 ms after 50, 100, … 950 ms
+    assert found.loss_asked == found.loss_got == pytest.approx(10 / 19)
+    assert found.latency_asked_ns == found.latency_got_ns == 5 * MS
+    assert channel(record, ("2", "1"), frames["2", "1"]).loss_got == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "label"),
+    [
+        (LinkFault("a", 0, 1, (("3", "7"), ("7", "3")), {"cut": True}), "cut 3–7"),
+        (LinkFault("a", 0, 1, (("10", "2"),), {"cut": True}), "cut 10→2"),
+        (LinkFault("a", 0, 1, (("1", "2"),) * 4, {"loss": (Bernoulli(0.5),)}), "loss 0.5 all"),
+        (LinkFault("a", 0, 1, (("1", "2"),), {"loss": ()}), "loss none 1→2"),
+        (LinkFault("a", 0, 1, (("1", "2"),), {"loss": (GilbertElliott(0.1, 0.3),)}), "loss 0.1, 0.3 1→2"),
+        (LinkFault("a", 0, 1, (("1", "2"),), {"latency": Normal(2 * MS, MS // 2)}), "latency 2 ms, 0.5 ms 1→2"),
+        (LinkFault("a", 0, 1, (("1", "2"), ("1", "3"), ("1", "4")), {"rate": 9600.0}), "rate 9.6 kbit/s 3 links"),
+        (Kill("a", 0, 1, "5"), "kill 5"),
+        (Pause("a", 0, 1, "5"), "pause 5"),
+    ],
+)
+def test_faults_have_short_names(fault: Any, label: str) -> None:
+    """What and where, as a person would write it."""
+    assert fault_label(fault, 4) == label
+
+
+def test_tables_say_what_matters(plan_of: Make, twin_run: Callable[[Plan], Record]) -> None:
+    """The tables name components, faults, fates and the closing of the sum."""
+    faults = (LinkFault("t1", 300 * MS, 400 * MS, (("1", "2"), ("2", "1")), {"cut": True}),)
+    out = StringIO()
+    console = Console(width=140, file=out)
+    console.print(*metrics_tables(compute_metrics(twin_run(plan_of([("1", "2"), ("2", "3")], faults=faults)))))
+    for words in ("altitude", "roll", "cut 1–2", "lost (cut)", "the sum closes on every link", "as asked", "1→2"):
+        assert words in out.getvalue()
