@@ -9,8 +9,8 @@ import asyncio
 import secrets
 import tempfile
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from ..agents.process import Assignment, Pace
 from ..errors import RunFailed
 from ..transport import zenoh_session as zs
 from ..transport.access import access_control
-from ..transport.faults import Kill, to_plain
+from ..transport.faults import Kill
 from ..transport.keys import OPERATOR, Keys
 from .spawning import prepare, spawn
 from .status import Status
@@ -80,6 +80,7 @@ class Swarm:
         self.endpoint = ""
         self.passwords = {name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)}
         self.session: zs.Session
+        self.live_faults: dict[str, Fault] = {}
         self.ready = asyncio.Event()
         self._sink = sink
         self._keys = Keys(run)
@@ -91,6 +92,7 @@ class Swarm:
         self._problems: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._end_ns = plan.duration_ns
+        self._restarts_due: dict[str, int] = {}
 
     async def run(self) -> Ending:
         """The whole life of the swarm; however it ends, no process and no session is left behind.
@@ -138,7 +140,7 @@ class Swarm:
             for incarnation, kill in enumerate(self.plan.kills(agent.name), start=1):
                 self._members[agent.name, incarnation - 1].kill_expected = True
                 if kill.until_ns is not None:
-                    self._background(self._restart_at(kill, incarnation))
+                    self._restart_later(kill, incarnation)
         self._background(self._watch_the_end())
 
     def _spawn(self, name: str, incarnation: int) -> _Member:
@@ -162,7 +164,7 @@ class Swarm:
         if dead := [name for name, incarnation in who if self._members[name, incarnation].ended.is_set()]:
             raise RunFailed(f"agents {', '.join(dead)} ended before the run began")
 
-    def _background(self, work: Any) -> None:
+    def _background(self, work: Coroutine[Any, Any, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -206,20 +208,29 @@ class Swarm:
         await self._joined([key])
         return key
 
-    async def revive(self, key: tuple[str, int], start_ns: int, faults: list[Any]) -> None:
-        """Let a process on standby live from an instant on."""
+    async def revive(self, key: tuple[str, int], start_ns: int) -> None:
+        """Let a process on standby live from an instant on, with the live faults that its links are under."""
         name, incarnation = key
+        faults = [to_plain(fault) for fault in self.live_faults.values() if not isinstance(fault, Kill)]
         order = {"do": "start", "epoch_ns": self._epoch_ns, "start_ns": start_ns, "faults": faults}
         await self.order(order, name, incarnation)
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
-    async def _restart_at(self, kill: Kill, incarnation: int) -> None:
-        assert kill.until_ns is not None
-        await asyncio.sleep(max(0.0, (kill.until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
-        key = (kill.agent, incarnation)
+    def restart_later(self, kill: Kill) -> None:
+        """An agent that a live fault kills comes back when the fault ends."""
+        self._restart_later(kill, self.current(kill.agent)[1] + 1)
+
+    def _restart_later(self, kill: Kill, incarnation: int) -> None:
+        if kill.until_ns is not None and kill.until_ns < self._end_ns:
+            self._restarts_due[kill.agent] = kill.until_ns
+            self._background(self._restart_at(kill.agent, kill.until_ns, incarnation))
+
+    async def _restart_at(self, name: str, until_ns: int, incarnation: int) -> None:
+        await asyncio.sleep(max(0.0, (until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
+        key = (name, incarnation)
         self._spawn(*key)
         await self._joined([key])
-        await self.revive(key, kill.until_ns, [])
+        await self.revive(key, until_ns)
 
     async def stop(self) -> None:
         """End the run early, at one nominal instant for all."""
@@ -285,12 +296,9 @@ class Swarm:
 
     def _check_over(self) -> None:
         newest = {name: self._members[self.current(name)] for name, _ in self._members}
-        if all(member.done or member.ended.is_set() for member in newest.values()) and not self._restarts_to_come():
+        to_come = [until_ns for until_ns in self._restarts_due.values() if self.now_ns() < until_ns < self._end_ns]
+        if all(member.done or member.ended.is_set() for member in newest.values()) and not to_come:
             self._over.set()
-
-    def _restarts_to_come(self) -> bool:
-        kills = [kill for agent in self.plan.agents for kill in self.plan.kills(agent.name)]
-        return any(kill.until_ns is not None and self.now_ns() < kill.until_ns < self._end_ns for kill in kills)
 
     async def _watch_the_end(self) -> None:
         """Realtime pace does not wait for ever for an agent that says nothing."""

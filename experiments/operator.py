@@ -1,0 +1,112 @@
+"""The operator's line to a running swarm: what `volery status`, `fault` and `stop` say to the supervisor, and its answers.
+
+A running swarm leaves `control.json` in its run folder, readable by its owner only: endpoint and password.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgpack
+
+from ..errors import BadInput, RunFailed, VoleryError
+from ..transport import zenoh_session as zs
+from ..transport.keys import OPERATOR, Keys
+from .fault_labels import fault_label
+from .live import Injector
+from .swarm import Swarm
+
+CONTROL_FILE = "control.json"
+_TIMEOUT_S = 15.0
+_LIMIT = 1000
+
+
+class Desk:
+    """The supervisor's side: answers one request after another."""
+
+    def __init__(self, swarm: Swarm, injector: Injector) -> None:
+        self._swarm = swarm
+        self._injector = injector
+        self._requests: asyncio.Queue[zs.Query] = asyncio.Queue()
+
+    async def serve(self, keys: Keys, folder: Path) -> None:
+        """Answer until cancelled; the control file is there meanwhile."""
+        await self._swarm.ready.wait()
+        inbox = zs.Inbox(asyncio.get_running_loop(), _LIMIT, self._queue)
+        serving = self._swarm.session.declare_queryable(keys.supervisor(), inbox.push)
+        control = folder / CONTROL_FILE
+        control.touch(mode=0o600)
+        password = self._swarm.passwords[OPERATOR]
+        control.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
+        try:
+            while True:
+                query = await self._requests.get()
+                with query:
+                    query.reply(query.key_expr, msgpack.packb(await self._answer(query.payload.to_bytes())))
+        finally:
+            control.unlink(missing_ok=True)
+            del serving
+
+    def _queue(self, queries: list[zs.Query]) -> None:
+        for query in queries:
+            self._requests.put_nowait(query)
+
+    async def _answer(self, payload: bytes) -> dict[str, Any]:
+        request = msgpack.unpackb(payload)
+        do = request.pop("do")
+        actions: dict[str, Callable[[], Awaitable[Any]]] = {
+            "status": self._status,
+            "inject": lambda: self._injector.inject(request["fault"]),
+            "clear": lambda: self._injector.clear(request["faults"]),
+            "restart": lambda: self._injector.restart(request["agent"]),
+            "restore": lambda: self._injector.restore(request["fault"]),
+            "stop": self._stop,
+        }
+        try:
+            return {"said": await actions[do]()}
+        except VoleryError as error:
+            return {"error": str(error), "exit_code": error.exit_code}
+
+    async def _status(self) -> dict[str, Any]:
+        self._swarm.status.faults = {
+            name: fault_label(fault, len(self._swarm.plan.links)) for name, fault in self._injector.in_force().items()
+        }
+        return self._swarm.status.to_dict()
+
+    async def _stop(self) -> str:
+        await self._swarm.stop()
+        return "the run ends"
+
+
+def call(folder: Path, request: Mapping[str, Any]) -> Any:
+    """Ask the supervisor of the run in a folder.
+
+    Raises:
+        BadInput: the run does not run, or the request is refused.
+        RunFailed: the supervisor does not answer.
+    """
+    control = folder / CONTROL_FILE
+    if not control.exists():
+        raise BadInput(f"{folder} is not running: `volery status` lists what is")
+    access = json.loads(control.read_text())
+    session = zs.open_client(access["endpoint"], zs.Credentials(OPERATOR, access["password"]))
+    try:
+        key = Keys(access["run"]).supervisor()
+        answers = asyncio.run(zs.ask(session, key, msgpack.packb(dict(request)), _TIMEOUT_S))
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    if not answers:
+        raise RunFailed(f"the supervisor of {folder} does not answer")
+    answer = msgpack.unpackb(next(iter(answers.values())))
+    if "error" in answer:
+        raise (BadInput if answer["exit_code"] == BadInput.exit_code else RunFailed)(answer["error"])
+    return answer["said"]
+
+
+def running(runs: Path) -> list[Path]:
+    """Folders of the runs that run, the newest last."""
+    return sorted(path.parent for path in runs.glob(f"*/{CONTROL_FILE}"))
