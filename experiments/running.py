@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import json
 import os
-import platform
 import signal
 import time
 from collections.abc import Callable
@@ -15,10 +14,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-import scipy
-from threadpoolctl import threadpool_info
-
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
@@ -26,6 +21,7 @@ from ..transport.keys import Keys
 from .compile import compile_plan
 from .figures import plot
 from .live import Injector
+from .machine import fingerprint
 from .metrics import Metrics, write_metrics
 from .operator import Desk
 from .record import INFO_FILE, SCENARIO_FILE
@@ -184,19 +180,13 @@ def _remove(folder: Path) -> None:
 
 def _info(options: Options) -> dict[str, Any]:
     """What the bits of a run depend on besides the scenario."""
-    blas = [{key: pool.get(key) for key in ("internal_api", "version", "architecture")} for pool in threadpool_info()]
     return {
         "engine": options.engine,
         "pace": options.pace if options.engine == "zenoh" else None,
         "speed": options.speed,
         "started": datetime.now().astimezone().isoformat(timespec="seconds"),
         "pid": os.getpid(),
-        "platform": platform.platform(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "blas": blas,
-        "simd": sorted(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
+        **fingerprint(),
     }
 
 

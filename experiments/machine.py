@@ -1,0 +1,34 @@
+"""What the bits of a run depend on besides its scenario: versions, BLAS and the processor's features."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy
+from threadpoolctl import threadpool_info
+
+
+def fingerprint() -> dict[str, Any]:
+    """Versions and features of this machine, for run.json."""
+    blas = [{key: pool.get(key) for key in ("internal_api", "version", "architecture")} for pool in threadpool_info()]
+    return {
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "blas": sorted(blas, key=str),
+        "simd": sorted(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
+    }
+
+
+def differences(info: Mapping[str, Any]) -> list[str]:
+    """What was different where a run was recorded, of all that its bits depend on."""
+    here = fingerprint()
+    return [
+        f"{name} {info[name]} there, {here[name]} here"
+        for name in ("numpy", "scipy", "blas", "simd")
+        if name in info and info[name] != here[name]
+    ]
