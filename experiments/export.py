@@ -74,8 +74,10 @@ def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A00
 def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
     """One row for each component of each estimate, in the order of ESTIMATE_COLUMNS."""
     for quantity in record.quantities():
-        for agent, series in record.estimates(quantity).items():
-            oracles, truths = references(record.plan, agent, quantity, series)
+        all_series = record.estimates(quantity)
+        beside = references(record.plan, quantity, all_series)
+        for agent, series in all_series.items():
+            oracles, truths = beside[agent]
             labels = component_labels(record, quantity, series.value.shape[1])
             for row, (time_ns, sample) in enumerate(zip(series.time_ns.tolist(), series.sample.tolist(), strict=True)):
                 for component, (name, _, _) in enumerate(labels):
@@ -98,12 +100,12 @@ def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
     found: dict[str, np.ndarray[Any, Any]] = {}
     for quantity in record.quantities():
         series = record.estimates(quantity)
-        pairs = [references(record.plan, agent, quantity, mine) for agent, mine in series.items()]
+        beside = references(record.plan, quantity, series)
         found[f"{quantity}.agent"] = np.repeat(list(series), [len(mine.sample) for mine in series.values()])
         for name in ("time_ns", "sample", "value"):
             found[f"{quantity}.{name}"] = np.concatenate([getattr(mine, name) for mine in series.values()])
-        found[f"{quantity}.oracle"] = np.concatenate([oracle for oracle, _ in pairs])
-        found[f"{quantity}.truth"] = np.concatenate([truth for _, truth in pairs])
+        for number, name in enumerate(("oracle", "truth")):
+            found[f"{quantity}.{name}"] = np.concatenate([beside[agent][number] for agent in series])
     frames = list(frame_rows(record))
     for number, (field, kind) in enumerate(FRAME_COLUMNS.items()):
         missing: Any = "" if kind == "VARCHAR" else -1

@@ -5,7 +5,8 @@ Colours are those of Okabe and Ito, which are told apart with every kind of colo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..topologies import natural_key
+from ..transport.faults import LinkName
 from ..transport.links import NANOSECONDS
-from .accounting import account
+from .accounting import LinkAccount, account
 from .fault_labels import fault_label
 from .metrics import component_labels, courses
 from .record import Record, load
@@ -29,7 +31,8 @@ if TYPE_CHECKING:
 FIGURES = ("estimates", "disagreement", "links", "overview")
 _COLUMN_IN, _PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
-_BLUE, _ORANGE, _VERMILION, _GREEN, _BLACK, _GREY = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#000000", "#BBBBBB"
+_SKY, _BLUE, _VERMILION, _GREEN, _BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#000000"
+_GREY, _DARK_GREY = "#D9D9D9", "#444444"
 _STYLE: dict[str, Any] = {
     "pdf.fonttype": 42,
     "ps.fonttype": 42,
@@ -39,12 +42,12 @@ _STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.linewidth": 0.6,
-    "lines.linewidth": 1.0,
+    "lines.linewidth": 0.9,
     "legend.frameon": False,
     "savefig.dpi": 200,
 }
 _NAMED_AGENTS = 24
-_LEVELS = 2
+_LEVELS, _LEVEL, _CLOSE = 2, 0.1, 0.25
 
 
 def plot(
@@ -74,67 +77,81 @@ def draw(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    known = FigureCanvasAgg.get_supported_filetypes()
-    for format_ in formats:
-        if format_ not in known:
-            raise BadInput(f"figure format {format_!r} is not known: one of {', '.join(sorted(known))}")
+    names = list(which)
+    _check("figure", names, FIGURES)
+    _check("figure format", formats, sorted(FigureCanvasAgg.get_supported_filetypes()))
+    subject = _Subject(record, quantity)
     paths = []
     out.mkdir(parents=True, exist_ok=True)
     with style.context(_STYLE):
-        for name in which:
+        for name in names:
             figure = Figure(layout="constrained")
-            _draw(record, name, figure, quantity)
+            _draw(name, subject, figure)
             for format_ in formats:
                 paths.append(out / f"{name}.{format_}")
                 figure.savefig(paths[-1])
     return paths
 
 
-def _draw(record: Record, name: str, figure: Figure, quantity: str | None) -> None:
-    if name not in FIGURES:
-        raise BadInput(f"figure {name!r} is not known: one of {', '.join(FIGURES)}")
+def _check(what: str, asked: Iterable[str], known: Sequence[str]) -> None:
+    for name in asked:
+        if name not in known:
+            raise BadInput(f"{what} {name!r} is not known: one of {', '.join(known)}")
+
+
+class _Subject:
+    """A record with what several figures need of it, worked out once."""
+
+    def __init__(self, record: Record, quantity: str | None) -> None:
+        self.record = record
+        self._quantity = quantity
+
+    @cached_property
+    def seen(self) -> Samples:
+        """The samples of the asked quantity, or of the first that there is."""
+        quantities = self.record.quantities()
+        if not quantities:
+            raise BadInput("no agent reported an estimate: there is nothing to draw but links")
+        return samples(self.record, self._quantity or quantities[0])
+
+    @cached_property
+    def accounts(self) -> dict[LinkName, LinkAccount]:
+        """The account of each link."""
+        return account(self.record)
+
+
+def _draw(name: str, subject: _Subject, figure: Figure) -> None:
+    """Draw one of FIGURES, in its size."""
+    record = subject.record
     if name == "links":
         figure.set_size_inches(_COLUMN_IN, 0.85 * _COLUMN_IN)
-        draw_links(record, figure)
-        return
-    shown = quantity or _first_quantity(record)
-    seen = samples(record, shown)
-    if name == "estimates":
-        figure.set_size_inches(_COLUMN_IN, 0.5 + _PANEL_IN * seen.estimate.shape[2])
-        draw_estimates(record, shown, seen, figure)
+        draw_links(record, subject.accounts, figure)
+    elif name == "estimates":
+        figure.set_size_inches(_COLUMN_IN, 0.5 + _PANEL_IN * subject.seen.estimate.shape[2])
+        draw_estimates(record, subject.seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(_COLUMN_IN, 0.7 * _COLUMN_IN)
-        draw_disagreement(record, seen, figure)
+        draw_disagreement(record, subject.seen, figure)
     else:
-        _draw_overview(record, shown, seen, figure)
+        figure.set_size_inches(_PAGE_IN, _OVERVIEW_IN)
+        left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
+        upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
+        draw_estimates(record, subject.seen, left)
+        draw_disagreement(record, subject.seen, upper)
+        draw_links(record, subject.accounts, lower)
 
 
-def _draw_overview(record: Record, quantity: str, seen: Samples, figure: Figure) -> None:
-    figure.set_size_inches(_PAGE_IN, _OVERVIEW_IN)
-    left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
-    upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
-    draw_estimates(record, quantity, seen, left)
-    draw_disagreement(record, seen, upper)
-    draw_links(record, lower)
-
-
-def _first_quantity(record: Record) -> str:
-    if not record.quantities():
-        raise BadInput("no agent reported an estimate: there is nothing to draw but links")
-    return record.quantities()[0]
-
-
-def draw_estimates(record: Record, quantity: str, seen: Samples, figure: Figure | SubFigure) -> None:
+def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure) -> None:
     """Every agent's estimate, the truth and the oracle over time, one panel for each component."""
-    labels = component_labels(record, quantity, seen.estimate.shape[2])
+    labels = component_labels(record, seen.quantity, seen.estimate.shape[2])
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     time_s = seen.time_ns / NANOSECONDS
     truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)
     for number, ((name, unit, factor), axes) in enumerate(zip(labels, panels, strict=True)):
-        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=_BLUE, alpha=0.35, linewidth=0.6)
+        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=_SKY, alpha=0.5, linewidth=0.5)
         lines = {f"agents ({len(seen.agents)})": agents[0]}
         if not np.isnan(oracle[:, number]).all():
-            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=_ORANGE, linewidth=0.9)
+            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=_VERMILION)
         if not np.isnan(truth[:, number]).all():
             (lines["truth"],) = axes.plot(time_s, factor * truth[:, number], color=_BLACK, linestyle="--")
         axes.set_ylabel(f"{name} ({unit})" if unit else name)
@@ -142,31 +159,34 @@ def draw_estimates(record: Record, quantity: str, seen: Samples, figure: Figure 
     _legend(figure, lines)
     panels[-1].set_xlabel("time (s)")
     panels[-1].set_xlim(0, record.last_ns / NANOSECONDS)
+    figure.align_ylabels(panels)
 
 
 def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure) -> None:
     """Disagreement, error to oracle and error to truth over time, logarithmic, with the spans of the faults."""
     axes = figure.subplots()
     lines = {}
-    for (name, course), colour in zip(courses(seen).items(), (_BLUE, _VERMILION, _GREEN), strict=True):
+    looks = ((_BLUE, ":", 3), (_VERMILION, "-", 2), (_GREEN, "-", 1))
+    for (name, course), (colour, dashes, order) in zip(courses(seen).items(), looks, strict=True):
         shown = np.where(course.rms > 0, course.rms, np.nan)
         if not np.isnan(shown).all():
-            (lines[name],) = axes.plot(course.time_ns / NANOSECONDS, shown, color=colour)
+            times = course.time_ns / NANOSECONDS
+            (lines[name],) = axes.plot(times, shown, color=colour, linestyle=dashes, zorder=order)
     if lines:
         axes.set_yscale("log")
     _shade(record, axes, named=True)
     _legend(figure, lines)
     axes.set_xlabel("time (s)")
-    axes.set_ylabel("rms two-norm (SI units)")
+    axes.set_ylabel("rms error (SI units)")
     axes.set_xlim(0, record.last_ns / NANOSECONDS)
 
 
-def draw_links(record: Record, figure: Figure | SubFigure) -> None:
+def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure: Figure | SubFigure) -> None:
     """Which fraction of the frames that were put on the air came through, source by target; grey: no link."""
     names = [agent.name for agent in record.plan.agents]
     place = {name: number for number, name in enumerate(sorted(names, key=natural_key))}
     matrix = np.full((len(names), len(names)), np.nan)
-    for (source, target), one in account(record).items():
+    for (source, target), one in accounts.items():
         matrix[place[source], place[target]] = one.delivered_fraction
     axes = figure.subplots()
     axes.set_facecolor(_GREY)
@@ -192,20 +212,23 @@ def _any_agent(reference: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _shade(record: Record, axes: Axes, *, named: bool) -> None:
-    """The spans of the faults in grey, with their names at the top, on two levels where they stand close."""
+    """The spans of the faults in grey, their names above the panel, on a second level where they stand close."""
     last_s = record.last_ns / NANOSECONDS
-    for number, fault in enumerate(record.faults):
+    level, before_s = 0, -last_s
+    for fault in record.faults:
         from_s = fault.at_ns / NANOSECONDS
         until_s = last_s if fault.until_ns is None else fault.until_ns / NANOSECONDS
-        axes.axvspan(from_s, min(until_s, last_s), color=_GREY, alpha=0.35, linewidth=0, zorder=0)
+        axes.axvspan(from_s, min(until_s, last_s), color=_GREY, alpha=0.6, linewidth=0, zorder=0)
+        level = (level + 1) % _LEVELS if from_s - before_s < _CLOSE * last_s else 0
+        before_s = from_s
         if named:
+            place = axes.get_xaxis_transform()
             label = fault_label(fault, len(record.plan.links))
-            height = 0.98 - 0.11 * (number % _LEVELS)
-            axes.text(
-                from_s, height, f" {label}", transform=axes.get_xaxis_transform(), va="top", fontsize=6, color="#444444"
-            )
+            axes.text(from_s, 1.02 + _LEVEL * level, label, transform=place, fontsize=6, color=_DARK_GREY)
 
 
 def _legend(figure: Figure | SubFigure, lines: dict[str, Line2D]) -> None:
     if lines:
-        figure.legend(list(lines.values()), list(lines), loc="outside upper center", ncols=len(lines))
+        legend = figure.legend(list(lines.values()), list(lines), loc="outside upper center", ncols=len(lines))
+        for line in legend.get_lines():
+            line.set(alpha=1.0, linewidth=1.2)

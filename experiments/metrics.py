@@ -219,7 +219,7 @@ def _quantity(record: Record, quantity: str, threshold: float | None) -> Quantit
         truth_error=metrics["error to truth"],
         components=_components(record, quantity, seen, steady),
         recoveries=_recoveries(record, all_courses),
-        contraction=_contraction(seen.disagreement) if quantity.endswith(ROUNDS) else math.nan,
+        contraction=contraction(seen) if quantity.endswith(ROUNDS) else math.nan,
     )
 
 
@@ -283,8 +283,21 @@ def _recovery(course: Course, fault: Fault, next_ns: int | None) -> tuple[float,
     )
 
 
-def _contraction(disagreements: Floats) -> float:
-    """Factor a round, over the first rounds until rounding sets the floor; NaN with fewer than two."""
+def contraction(seen: Samples) -> float:
+    """Factor by which a round shrinks the disagreement: the median over the consensuses that the samples belong to.
+
+    A consensus lasts as long as its oracle stays the same; rounds from where rounding is the floor are left out. NaN if
+    no consensus has two rounds.
+    """
+    oracle = seen.oracle.reshape(len(seen.index), -1)
+    unknown = np.isnan(oracle[1:]) | np.isnan(oracle[:-1])
+    again = np.flatnonzero(~((oracle[1:] == oracle[:-1]) | unknown).all(axis=1)) + 1
+    factors = [_factor(stretch) for stretch in np.split(seen.disagreement, again)]
+    known = [factor for factor in factors if not math.isnan(factor)]
+    return float(np.median(known)) if known else math.nan
+
+
+def _factor(disagreements: Floats) -> float:
     above = disagreements > _ROUNDING * disagreements[0]
     rounds = len(above) if above.all() else int(np.argmin(above))
     return measures.contraction(disagreements[:rounds]) if rounds > 1 else math.nan

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,7 @@ class Samples:
     and truth belonging to the report beside it.
     """
 
+    quantity: str
     agents: tuple[str, ...]
     time_ns: Whole
     index: Whole
@@ -63,7 +64,7 @@ def samples(record: Record, quantity: str) -> Samples:
         BadInput: nobody reported it, or in different lengths.
     """
     series = record.estimates(quantity)
-    beside = {agent: references(record.plan, agent, quantity, mine) for agent, mine in series.items()}
+    beside = references(record.plan, quantity, series)
     if _numbered([mine.sample for mine in series.values()]):
         time_ns, index, rows = _by_sample(series)
     else:
@@ -76,7 +77,7 @@ def samples(record: Record, quantity: str) -> Samples:
             {agent: truth for agent, (_, truth) in beside.items()},
         )
     ]
-    return Samples(tuple(series), time_ns, index, *columns)
+    return Samples(quantity, tuple(series), time_ns, index, *columns)
 
 
 def _numbered(indices: list[Whole]) -> bool:
@@ -116,20 +117,29 @@ def _by_instant(series: Mapping[str, Series], faults: tuple[Fault, ...]) -> tupl
     return time_ns, index, rows
 
 
-def references(plan: Plan, agent: str, quantity: str, mine: Series) -> tuple[Floats, Floats]:
-    """What the oracle says and what is true for each report, (n, k), rows of NaN where they are not known."""
-    kind = find(plan.agent(agent).kind)
-    width = mine.value.shape[1]
-    reports = list(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True))
-    oracles = {
-        index: _row(kind.oracle(plan, quantity, index), width, f"{kind.__name__}.oracle of {quantity!r}")
-        for index in dict.fromkeys(mine.sample.tolist())
-    }
-    truths = [
-        _row(kind.truth(plan, quantity, index, time_ns), width, f"{kind.__name__}.truth of {quantity!r}")
-        for index, time_ns in reports
-    ]
-    return np.array([oracles[index] for index, _ in reports]), np.array(truths)
+def references(plan: Plan, quantity: str, series: Mapping[str, Series]) -> dict[str, tuple[Floats, Floats]]:
+    """Agent → what the oracle says and what is true for each of its reports, (n, k), rows of NaN where not known.
+
+    Raises:
+        BadInput: the agents' class gives references of another length than its agents report.
+    """
+    width = next(iter(series.values())).value.shape[1]
+
+    @cache
+    def oracle(kind: str, index: int) -> Floats:
+        return _row(find(kind).oracle(plan, quantity, index), width, f"oracle of {quantity!r} in {kind}")
+
+    @cache
+    def truth(kind: str, index: int, time_ns: int) -> Floats:
+        return _row(find(kind).truth(plan, quantity, index, time_ns), width, f"truth of {quantity!r} in {kind}")
+
+    found = {}
+    for agent, mine in series.items():
+        kind = plan.agent(agent).kind
+        reports = list(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True))
+        oracles = [oracle(kind, index) for index, _ in reports]
+        found[agent] = np.array(oracles), np.array([truth(kind, *report) for report in reports])
+    return found
 
 
 def _row(value: ArrayLike | None, width: int, what: str) -> Floats:

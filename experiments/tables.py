@@ -12,6 +12,7 @@ from .metrics import LinkMetrics, Metrics, QuantityMetrics
 
 _WORST_LINKS = 5
 _NOTHING = "–"
+_CLOSES = "the sum of frames closes on every link"
 
 
 def metrics_tables(metrics: Metrics) -> list[Table]:
@@ -23,9 +24,9 @@ def metrics_tables(metrics: Metrics) -> list[Table]:
             tables.append(_recoveries(name, quantity))
     accounts = {name: link.account for name, link in metrics.links.items()}
     tables += [_frames(metrics), _worst(metrics.links, accounts)]
-    verdict = _table("Fidelity", "")
-    verdict.add_row(metrics.fidelity.verdict)
-    return [*tables, verdict]
+    open_links = [name for name, link in metrics.links.items() if not link.closes]
+    closing = f"the sum of frames does not close on {', '.join(open_links)}" if open_links else _CLOSES
+    return [*tables, _table("Fidelity", "", rows=[(metrics.fidelity.verdict,), (closing,)])]
 
 
 def _table(title: str, first: str, *others: str, rows: Iterable[tuple[str, ...]] = ()) -> Table:
@@ -43,8 +44,8 @@ def _components(name: str, quantity: QuantityMetrics) -> Table:
     rows = (
         (one.name, _number(one.truth_rms, one.unit), _number(one.oracle_rms, one.unit)) for one in quantity.components
     )
-    title = f"{name}: {quantity.agents} agents, {quantity.samples} samples, rms in steady state"
-    return _table(title, "component", "error to truth", "error to oracle", rows=rows)
+    title = f"{name}: {quantity.agents} agents, {quantity.samples} samples"
+    return _table(title, "steady-state rms", "error to truth", "error to oracle", rows=rows)
 
 
 def _errors(name: str, quantity: QuantityMetrics) -> Table:
@@ -62,10 +63,9 @@ def _errors(name: str, quantity: QuantityMetrics) -> Table:
         )
         for label, one in kinds
     ]
-    table = _table(f"{name}: two-norms", "", "steady rms", "final max", "threshold", "converged at", "ISE", rows=rows)
     if not math.isnan(quantity.contraction):
-        table.caption = f"contraction {_number(quantity.contraction)} a round"
-    return table
+        rows.append((f"contraction {_number(quantity.contraction)} a round", *[""] * 5))
+    return _table(f"{name}: two-norms", "", "steady rms", "final max", "threshold", "converged at", "ISE", rows=rows)
 
 
 def _recoveries(name: str, quantity: QuantityMetrics) -> Table:
@@ -75,13 +75,12 @@ def _recoveries(name: str, quantity: QuantityMetrics) -> Table:
 
 def _frames(metrics: Metrics) -> Table:
     sums = total([link.account for link in metrics.links.values()])
-    rows = ((fate, f"{count:,}") for fate, count in sums.items() if count or fate in ("offered", "missing"))
-    open_links = [name for name, link in metrics.links.items() if not link.closes]
-    table = _table("Frames", "fate", "frames", rows=rows)
-    table.caption = (
-        f"the sum does not close on {', '.join(open_links)}" if open_links else "the sum closes on every link"
+    rows = (
+        (fate.replace("_", " "), f"{count:,}")
+        for fate, count in sums.items()
+        if count or fate in ("offered", "missing")
     )
-    return table
+    return _table("Frames", "fate", "frames", rows=rows)
 
 
 def _worst(links: Mapping[str, LinkMetrics], accounts: Mapping[str, LinkAccount]) -> Table:

@@ -39,7 +39,9 @@ def test_each_fate_counts_once(record_of: Make, sent: Make, heard: Make) -> None
     sender = Batch("1", 0, sent=[sent(0, 0), sent(1, 10, "cut"), sent(2, 20), sent(3, 30, "loss"), sent(6, 996)])
     sender.dropped += [Dropped("2", 4, 40 * MS, "refused"), Dropped("2", 5, 50 * MS, "queue")]
     sender.events.append({"event": "queued", "target": "2", "sequences": [7, 8]})
-    receiver = Batch("2", 0, heard=[heard(0, 0), heard(1, 10, "cut"), heard(2, 20, "half-duplex"), heard(3, 30, "loss")])
+    receiver = Batch(
+        "2", 0, heard=[heard(0, 0), heard(1, 10, "cut"), heard(2, 20, "half-duplex"), heard(3, 30, "loss")]
+    )
     one = of_link(record_of(sender, receiver))
     assert one.closes
     assert (one.offered, one.delivered, one.refused, one.queue, one.in_flight) == (9, 1, 1, 1, 3)
@@ -61,7 +63,10 @@ def test_gap_in_the_sequence_is_missing(record_of: Make, sent: Make, heard: Make
     assert (one.offered, one.missing, one.closes) == (2, 1, False)
 
 
-@pytest.mark.parametrize("flaw", ["heard twice", "sent and queued out", "never sent", "other due time", "lost yet heard"])
+FLAWS = ["heard twice", "sent and queued out", "never sent", "other due time", "lost but heard"]
+
+
+@pytest.mark.parametrize("flaw", FLAWS)
 def test_contradiction_leaves_the_sum_open(record_of: Make, sent: Make, heard: Make, flaw: str) -> None:
     """Accounts that cannot both be true are counted and the sum does not close."""
     sender, receiver = Batch("1", 0, sent=[sent(0, 0)]), Batch("2", 0, heard=[heard(0, 0)])
@@ -137,7 +142,9 @@ def test_kill_from_outside_leaves_the_unknown(record_of: Make, sent: Make, heard
 def test_frames_of_which_only_the_receiver_tells(record_of: Make, sent: Make, heard: Make) -> None:
     """The last entries of a sender killed from outside never came: heard frames count, gaps among them are unknown."""
     died = {"event": "died", "agent": "1", "incarnation": 0, "time_ns": 60 * MS, "cause": "was killed from outside"}
-    record = record_of(Batch("1", 0, sent=[sent(0, 0)]), Batch("2", 0, heard=[heard(0, 0), heard(2, 20)]), events=[died])
+    record = record_of(
+        Batch("1", 0, sent=[sent(0, 0)]), Batch("2", 0, heard=[heard(0, 0), heard(2, 20)]), events=[died]
+    )
     one = of_link(record)
     assert one.closes
     assert (one.offered, one.delivered, one.unknown) == (3, 2, 1)
@@ -173,7 +180,7 @@ def test_broken_off_run_has_no_missing_frames(plan_of: Make, sent: Make, heard: 
     kill_ms=st.none() | st.integers(0, 600),
     cut=st.tuples(st.integers(0, 300), st.integers(301, 600)),
 )
-def test_every_run_in_the_twin_closes(  # noqa: PLR0913 - what a run depends on
+def test_every_run_in_the_twin_closes(
     plan_of: Make,
     twin_run: Callable[[Plan], Record],
     loss: float,

@@ -16,6 +16,7 @@ from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments import export, figures
+from volery.experiments.accounting import account
 from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.stories import stories
@@ -52,7 +53,7 @@ def test_estimates_show_agents_oracle_and_truth(record: Record) -> None:
     """One panel a component, in the component's unit: a line for each agent, one for the oracle, one for the truth."""
     figure = Figure()
     seen = samples(record, "estimate")
-    figures.draw_estimates(record, "estimate", seen, figure)
+    figures.draw_estimates(record, seen, figure)
     altitude, roll = figure.axes
     assert (altitude.get_ylabel(), roll.get_ylabel(), roll.get_xlabel()) == ("altitude (mm)", "roll (deg)", "time (s)")
     lines = [np.asarray(line.get_ydata()) for line in altitude.lines]
@@ -60,7 +61,7 @@ def test_estimates_show_agents_oracle_and_truth(record: Record) -> None:
     np.testing.assert_array_equal(np.stack(lines[:3], axis=1), 1e3 * seen.estimate[:, :, 0])
     assert set(lines[3]) == {2000.0}
     assert set(lines[4]) == {3000.0}
-    assert [text.get_text() for text in altitude.texts] == [" cut 1–2"]
+    assert [text.get_text() for text in altitude.texts] == ["cut 1–2"]
 
 
 def test_disagreement_shades_the_faults(record: Record) -> None:
@@ -77,8 +78,10 @@ def test_disagreement_shades_the_faults(record: Record) -> None:
 def test_links_show_what_came_through(record: Record) -> None:
     """A row for the sender and a column for the receiver, in per cent; where there is no link there is no value."""
     figure = Figure()
-    figures.draw_links(record, figure)
-    shown = np.ma.filled(figure.axes[0].images[0].get_array(), np.nan)
+    figures.draw_links(record, account(record), figure)
+    array = figure.axes[0].images[0].get_array()
+    assert array is not None
+    shown = np.ma.filled(array, np.nan)
     frames = stories(record)["1", "2"]
     assert shown[0, 1] == pytest.approx(100 * np.mean([frame.fate == "delivered" for frame in frames]))
     assert np.isnan(shown).tolist() == [[True, False, True], [False, True, False], [True, False, True]]

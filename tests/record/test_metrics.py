@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.channels import channel
 from volery.experiments.fault_labels import fault_label
-from volery.experiments.metrics import compute_metrics
+from volery.experiments.metrics import compute_metrics, contraction
 from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.stories import stories
@@ -99,8 +100,22 @@ def test_contraction_of_rounds(record_of: Make) -> None:
     assert found.contraction == pytest.approx(0.25, rel=1e-9)
 
 
+def test_contraction_is_measured_within_a_consensus(record_of: Make) -> None:
+    """Where each sample starts a consensus anew, told by its oracle, the jumps between them do not count."""
+    batches = [Batch(name, 0) for name in ("1", "2")]
+    for batch, sign in zip(batches, (1, -1), strict=True):
+        batch.estimates = [Estimate(k * MS, "estimate/round", k, [sign * 0.5 ** (k % 3)]) for k in range(30)]
+    record = record_of(*batches)
+    assert compute_metrics(record).quantities["estimate/round"].contraction != pytest.approx(0.5, abs=0.1)
+    seen = samples(record, "estimate/round")
+    restarts = dataclasses.replace(
+        seen, oracle=np.zeros_like(seen.oracle) + (seen.index // 3)[:, np.newaxis, np.newaxis]
+    )
+    assert contraction(restarts) == pytest.approx(0.5)
+
+
 def test_reports_without_numbers_are_held(record_of: Make) -> None:
-    """Agents that number nothing are compared at every instant with what each said last, and not while they are down."""
+    """Agents that number nothing are compared at every instant with what each said last, but not while it is down."""
     first = Batch("1", 0, [Estimate(t * MS, "x", 0, [float(t)]) for t in (0, 30)])
     second = Batch("2", 0, [Estimate(t * MS, "x", 0, [float(t)]) for t in (10, 20)])
     seen = samples(record_of(first, second, faults=(Kill("t1", 25 * MS, None, "2"),)), "x")
@@ -120,7 +135,7 @@ def test_last_report_of_a_sample_counts(record_of: Make) -> None:
 
 def test_reference_of_another_length_is_an_error(record_of: Make) -> None:
     """The message names the class and both lengths."""
-    with pytest.raises(BadInput, match="Averager.oracle of 'estimate' has 2 components, the agents report 1"):
+    with pytest.raises(BadInput, match=r"oracle of 'estimate' in .*Averager has 2 components, the agents report 1"):
         samples(record_of(Batch("1", 0, [Estimate(0, "estimate", 0, [1.0])])), "estimate")
 
 
@@ -130,7 +145,9 @@ def test_verdict_names_every_flaw(record_of: Make) -> None:
     assert good.verdict == "as asked: no late frame, none lost by the middleware"
     died = {"event": "died", "agent": "2", "incarnation": 0, "time_ns": 0, "cause": "was killed from outside"}
     late = Batch("2", 0, late=[Late("1", 0, 3, 0, 4 * MS)])
-    found = compute_metrics(record_of(Batch("1", 0, [], [Sent("2", 1, 1, 0, 0, 0, "loss")]), late, events=[died])).fidelity
+    found = compute_metrics(
+        record_of(Batch("1", 0, [], [Sent("2", 1, 1, 0, 0, 0, "loss")]), late, events=[died])
+    ).fidelity
     assert found.verdict == (
         "not as asked: 1 late frames, by 4.0 ms at most; 1 frames lost by the middleware; died unasked: agent 2"
     )
@@ -175,5 +192,13 @@ def test_tables_say_what_matters(plan_of: Make, twin_run: Callable[[Plan], Recor
     out = StringIO()
     console = Console(width=140, file=out)
     console.print(*metrics_tables(compute_metrics(twin_run(plan_of([("1", "2"), ("2", "3")], faults=faults)))))
-    for words in ("altitude", "roll", "cut 1–2", "lost (cut)", "the sum closes on every link", "as asked", "1→2"):
+    for words in (
+        "altitude",
+        "roll",
+        "cut 1–2",
+        "lost (cut)",
+        "the sum of frames closes on every link",
+        "as asked",
+        "1→2",
+    ):
         assert words in out.getvalue()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -123,7 +124,7 @@ def test_other_programs_can_read_the_record(tmp_path: Path, run: Collector) -> N
 
 
 def test_cut_off_anywhere_gives_a_prefix(tmp_path: Path, run: Collector) -> None:
-    """Wherever the file ends, a reading says that it is cut off, recovery makes it readable, and nothing is invented."""
+    """Wherever the file ends, a reading says that it is cut off, and recovery makes a prefix of it readable."""
     whole = tmp_path / "whole"
     whole.mkdir()
     write(whole, run, flush=True)
@@ -150,7 +151,7 @@ def test_cut_off_anywhere_gives_a_prefix(tmp_path: Path, run: Collector) -> None
     assert chunks == len(run.batches)
 
 
-def test_flush_survives_the_end_of_the_process(tmp_path: Path, run: Collector) -> None:
+def test_flush_survives_the_end_of_the_process(tmp_path: Path) -> None:
     """What was written before the last flush can be recovered though nothing was ever closed."""
     first, last = Batch("1", 0, [Estimate(5, "x", 0, [1.5])]), Batch("1", 0, [Estimate(6, "x", 1, [2.5])])
     recorder = Recorder(tmp_path).__enter__()
@@ -164,25 +165,20 @@ def test_flush_survives_the_end_of_the_process(tmp_path: Path, run: Collector) -
     assert collect(tmp_path)[0].batches == {("1", 0): first}
 
 
-@pytest.mark.parametrize("place", [0.1, 0.3, 0.5, 0.7])
-def test_damage_in_the_middle_is_named(tmp_path: Path, run: Collector, place: float) -> None:
-    """A flipped byte is noticed by a checksum; what stands before it can be recovered."""
+def test_damage_in_the_middle_is_named(tmp_path: Path, run: Collector) -> None:
+    """A flipped byte in a chunk is noticed by its checksum; what stands before it can be recovered."""
     write(tmp_path, run, flush=True)
     path = tmp_path / "record.mcap"
     data = bytearray(path.read_bytes())
-    data[int(place * len(data))] ^= 0xFF
+    chunk = [match.start() for match in re.finditer(b"zstd", data)][1]  # the second chunk's own record, not its index
+    data[chunk + 30] ^= 0xFF
     path.write_bytes(bytes(data))
-    try:
-        read, _ = collect(tmp_path)
-    except BadInput as error:
-        assert str(path) in str(error)
-        assert "volery recover" in str(error)
-        recover(tmp_path)
-        read, recovered = collect(tmp_path)
-        assert recovered
-        assert len(read.batches) < len(run.batches) or not read.events
-    else:
-        assert read.batches == run.batches  # the byte was in an index, which a reading from the front does not need
+    with pytest.raises(BadInput, match=r"record\.mcap is damaged .* after byte .*volery recover"):
+        collect(tmp_path)
+    assert "damaged" in str(recover(tmp_path))
+    read, recovered = collect(tmp_path)
+    assert recovered
+    assert read.batches == dict(list(run.batches.items())[:1])
 
 
 def test_whole_record_is_left_alone(tmp_path: Path, run: Collector) -> None:
@@ -234,5 +230,5 @@ def test_estimates_of_several_lives_follow_each_other(record_of: Make) -> None:
 def test_quantity_that_changes_its_length_is_refused(record_of: Make) -> None:
     """The message names the agent and both lengths."""
     record: Record = record_of(Batch("1", 0, [Estimate(1, "x", 0, [1.0])]), Batch("2", 0, [Estimate(1, "x", 0, [])]))
-    with pytest.raises(BadInput, match="agent 2 reported 'x' with 0 components.*others have 1"):
+    with pytest.raises(BadInput, match=r"agent 2 reported 'x' with 0 components.*others have 1"):
         record.estimates("x")

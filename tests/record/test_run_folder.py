@@ -1,0 +1,64 @@
+"""A run's folder, as an engine leaves it, gives metrics, figures and tables again."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from volery.errors import BadInput
+from volery.experiments.compile import compile_plan
+from volery.experiments.export import export
+from volery.experiments.figures import plot
+from volery.experiments.metrics import write_metrics
+from volery.experiments.record import Collector, load
+from volery.experiments.recorder import Recorder
+from volery.experiments.scenario import load_scenario
+from volery.experiments.schema import resolved_yaml
+from volery.experiments.twin import Twin
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two seconds of the four-module array in the twin, with the folder that a run makes."""
+    scenario = load_scenario("dfa4", ["duration=2 s"])
+    (tmp_path / "scenario.yaml").write_text(resolved_yaml(scenario), "utf-8")
+    (tmp_path / "run.json").write_text('{"engine": "twin"}', "utf-8")
+    with Recorder(tmp_path) as recorder:
+        Twin(compile_plan(scenario), recorder).run()
+    return tmp_path
+
+
+def test_run_reads_back_as_it_was(folder: Path) -> None:
+    """The plan from the scenario, every entry from the record, and what the engine says of itself."""
+    plan = compile_plan(load_scenario("dfa4", ["duration=2 s"]))
+    collector = Collector()
+    Twin(plan, collector).run()
+    record = load(folder)
+    assert record.batches == collector.batches
+    assert list(record.events) == collector.events
+    assert record.info == {"engine": "twin"}
+    assert (record.end_ns, record.recovered) == (2_000_000_000, False)
+
+
+def test_metrics_figures_and_tables_of_a_folder(folder: Path) -> None:
+    """Metrics agree with metrics.json; figures and tables land in folders of their own."""
+    metrics = write_metrics(folder)
+    data = json.loads((folder / "metrics.json").read_text("utf-8"))
+    rms = metrics.quantities["estimate"].oracle_error.steady_rms
+    assert not math.isnan(rms)
+    assert data["quantities"]["estimate"]["oracle_error"]["steady_rms"] == rms
+    assert all(link["closes"] for link in data["links"].values())
+    assert plot(folder, ["links"], formats=["png"]) == [folder / "figures" / "links.png"]
+    assert export(folder, "csv") == [folder / "export" / "estimates.csv", folder / "export" / "frames.csv"]
+
+
+def test_damaged_run_information_is_named(folder: Path) -> None:
+    """The message names the file and the remedy; without the file the run reads all the same."""
+    (folder / "run.json").write_text("{", "utf-8")
+    with pytest.raises(BadInput, match=r"run\.json is damaged .*delete it"):
+        load(folder)
+    (folder / "run.json").unlink()
+    assert load(folder).info == {}
