@@ -43,6 +43,7 @@ def _config(mode: str, **settings: Any) -> zenoh.Config:
         "scouting__multicast__enabled": False,
         "scouting__gossip__enabled": False,
         "scouting__delay": 0,
+        "transport__shared_memory__enabled": False,  # frames are small, and a killed process would leave its pool behind
         "transport__link__tx__lease": _LEASE_MS,
         "transport__link__tx__queue__size__data": LINK_QUEUE_BATCHES,
         "transport__link__tx__queue__congestion_control__drop__wait_before_drop": _WAIT_BEFORE_DROP_US,
