@@ -1,0 +1,132 @@
+"""A scenario turned into a plan: the graph, the world, the links and faults by name, and whether they fit together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import networkx as nx
+
+from .. import topologies, worlds
+from ..agents.plan import AgentPlan, Plan, World
+from ..errors import BadInput
+from ..transport.faults import Fault, Kill, LinkName
+from ..transport.links import LinkSettings
+from .fitting import misfits
+from .reading import Problem
+from .schema import Scenario
+from .timeline import ALL, changed_links, expand, parse_links
+from .writing import quantity
+
+_PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
+_QUOTED = re.compile(r"'([^']*)'")
+
+
+def compile_plan(scenario: Scenario) -> Plan:
+    """The plan of a scenario.
+
+    Raises:
+        BadInput: parts that do not fit together, all of them at once.
+    """
+    plan, problems = attempt(scenario)
+    if plan is None or problems:
+        raise BadInput("\n".join(f"{'.'.join(map(str, problem.loc))}: {problem.message}" for problem in problems))
+    return plan
+
+
+def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
+    """The plan, if there is one, and everything that is wrong with it, each at its place in the scenario."""
+    try:
+        graph = topologies.build(scenario.topology, scenario.seed)
+    except BadInput as error:
+        return None, [_placed(error, "topology")]
+    problems: list[Problem] = []
+    links = _links(scenario, graph, problems)
+    faults = _faults(scenario, list(links), problems)
+    world = _world(scenario, graph, problems)
+    plan = Plan(scenario.name, scenario.seed, scenario.duration, _agents(scenario, graph), links, world, faults)
+    if not problems:
+        problems = list(misfits(plan))
+    return plan, problems
+
+
+def _placed(error: BadInput, field: str) -> Problem:
+    """A message such as `topology.hexagonal: 'cuont' …` at its place, the key that it quotes if there is such a one."""
+    match = _PLACE.match(str(error))
+    place, message = (match[1], str(error)[match.end() :]) if match else (field, str(error))
+    return Problem((*place.split("."), *_QUOTED.findall(message)[:1]), message)
+
+
+def _agents(scenario: Scenario, graph: nx.Graph) -> tuple[AgentPlan, ...]:
+    agents, positions = scenario.agents, topologies.positions(graph)
+    neighbours = {name: tuple(topologies.neighbours(graph, name)) for name in topologies.agents(graph)}
+    return tuple(
+        AgentPlan(
+            name,
+            agents.kind,
+            agents.parameters,
+            near,
+            {other: len(neighbours[other]) for other in (name, *near)},
+            positions.get(name),
+            agents.compute,
+        )
+        for name, near in neighbours.items()
+    )
+
+
+def _links(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
+    edges = topologies.edges(graph)
+    links = dict.fromkeys(parse_links(ALL, edges), scenario.links.base)
+    for index, override in enumerate(scenario.links.only):
+        try:
+            changed = changed_links(override.where, override.changes, edges)
+        except BadInput as error:
+            problems.append(Problem(("links", "only", index, "where"), str(error)))
+            continue
+        links.update({link: replace(links[link], **override.changes) for link in changed})
+    return links
+
+
+def _faults(scenario: Scenario, links: Sequence[LinkName], problems: list[Problem]) -> tuple[Fault, ...]:
+    faults: list[Fault] = []
+    for index, entry in enumerate(scenario.faults):
+        if entry.at >= scenario.duration:
+            at, end = quantity(entry.at, "ns"), quantity(scenario.duration, "ns")
+            text = f"starts at {at}, the run ends at {end}: start it earlier"
+            problems.append(Problem(("faults", index, "at"), text))
+        try:
+            fault = expand(entry, f"t{index + 1}", links)
+        except BadInput as error:
+            problems.append(Problem(("faults", index, entry.place), str(error)))
+            continue
+        if isinstance(fault, Kill) and (other := _overlapping(fault, faults)):
+            text = f"agent {fault.agent} is down then already, by fault {other.id}: let one end before the other starts"
+            problems.append(Problem(("faults", index, "kill"), text))
+        faults.append(fault)
+    return tuple(faults)
+
+
+def _overlapping(kill: Kill, faults: Sequence[Fault]) -> Kill | None:
+    for other in faults:
+        if isinstance(other, Kill) and other.agent == kill.agent:
+            first, second = sorted((kill, other), key=lambda fault: fault.at_ns)
+            if first.until_ns is None or second.at_ns < first.until_ns:
+                return other
+    return None
+
+
+def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> World | None:
+    if scenario.world is None:
+        return None
+    positions = topologies.positions(graph)
+    if not positions:
+        kind = next(iter(scenario.topology))
+        text = f"a world needs agents with positions, and topology {kind!r} has none: take an array, or drop the world"
+        problems.append(Problem(("world",), text))
+        return None
+    try:
+        return worlds.build(scenario.world, {name: (x, y) for name, (x, y, *_) in positions.items()}, scenario.seed)
+    except BadInput as error:
+        problems.append(_placed(error, "world"))
+        return None

@@ -1,0 +1,84 @@
+"""Whether the parts of a plan fit together: frames and the MTU, slots and airtimes, time and causality."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+from ..agents import registry
+from ..agents.plan import Plan
+from ..transport.faults import LinkFault, LinkName, effective
+from ..transport.links import LinkSettings
+from ..transport.media import EDGE_SLOTS, HalfDuplex, Tdma
+from .reading import Loc, Problem
+
+
+def misfits(plan: Plan) -> Iterator[Problem]:
+    """What keeps the parts of a plan from working together, under the faults of its timeline too."""
+    for kind in sorted({agent.kind for agent in plan.agents}):
+        for text in registry.find(kind).problems(plan):
+            yield Problem(("agents",), text)
+    for loc, text, links in _link_misfits(plan):
+        more = f" and {len(links) - 1} more" if len(links) > 1 else ""
+        yield Problem(loc, f"{text} (link {'>'.join(links[0])}{more})")
+
+
+def settings_problems(settings: LinkSettings, payload_bytes: int | None, compute_ns: int) -> Iterator[tuple[str, str]]:
+    """What makes these settings impossible for an agent: (field of the links, sentence with the remedy).
+
+    Args:
+        settings: of one directed link.
+        payload_bytes: the largest payload that its sender offers, where that is known.
+        compute_ns: from an event to what the sender sends because of it.
+    """
+    if payload_bytes is not None and payload_bytes > settings.mtu:
+        text = f"a payload of {payload_bytes} B is larger than the MTU of {settings.mtu} B: send less, or raise mtu"
+        yield "mtu", text
+    medium = settings.medium
+    if isinstance(medium, HalfDuplex) and isinstance(medium.access, Tdma):
+        airtime_ns, usable_ns = settings.airtime_ns(payload_bytes or 0), medium.access.usable_ns(EDGE_SLOTS)
+        if airtime_ns > usable_ns:
+            text = (
+                f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a tdma slot, "
+                f"of which {max(0, usable_ns) / 1e6:.3f} ms can be used: send less, raise rate, or slow the cycle down"
+            )
+            yield "medium", text
+    if compute_ns + settings.lookahead_ns() < 1:
+        text = "compute, airtime and shortest latency add up to 0: give one of them a value, or events chase each other"
+        yield "latency", text
+
+
+def _link_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
+    """Place, problem, and the links that have it; links that go through the same settings are looked at once."""
+    touching: dict[LinkName, list[LinkFault]] = defaultdict(list)
+    for fault in plan.faults:
+        if isinstance(fault, LinkFault):
+            for link in fault.links:
+                touching[link].append(fault)
+    senders = {agent.name: agent for agent in plan.agents}
+    payloads = {agent.name: registry.find(agent.kind).largest_payload(agent.parameters) for agent in plan.agents}
+    alike: dict[tuple[LinkSettings, tuple[str, ...], int | None, int], list[LinkName]] = defaultdict(list)
+    for link, settings in plan.links.items():
+        ids = tuple(fault.id for fault in touching[link])
+        alike[settings, ids, payloads[link[0]], senders[link[0]].compute_ns].append(link)
+    found: dict[tuple[Loc, str], list[LinkName]] = defaultdict(list)
+    for (_settings, _ids, payload, compute_ns), links in alike.items():
+        for loc, text in _over_time(plan, links[0], touching[links[0]], payload, compute_ns):
+            found[loc, text].extend(links)
+    for (loc, text), links in found.items():
+        yield loc, text, links
+
+
+def _over_time(
+    plan: Plan, link: LinkName, faults: Sequence[LinkFault], payload: int | None, compute_ns: int
+) -> list[tuple[Loc, str]]:
+    """The problems of a link's own settings; where there are none those that its faults bring, at the latest one."""
+    base = plan.links[link]
+    found: dict[str, Loc] = {text: ("links", field) for field, text in settings_problems(base, payload, compute_ns)}
+    times = sorted({time for fault in faults for time in (fault.at_ns, fault.until_ns) if time is not None})
+    for time in times if not found else ():
+        begun = [index for index, fault in enumerate(plan.faults) if fault in faults and fault.at_ns <= time]
+        latest = max(begun, key=lambda index: plan.faults[index].at_ns)
+        for field, text in settings_problems(effective(base, link, faults, time), payload, compute_ns):
+            found.setdefault(text, ("faults", latest, "set", field))
+    return [(loc, text) for text, loc in found.items()]

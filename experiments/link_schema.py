@@ -1,0 +1,225 @@
+"""How links are written in a scenario: media, rates, loss and latency models, with one key that chooses the model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal, Required, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic import create_model as create_pydantic_model
+from pydantic_core import CoreSchema, core_schema
+from typing_extensions import TypedDict
+
+from ..errors import BadInput
+from ..transport.latencies import LATENCIES, Latency
+from ..transport.links import LinkSettings, Queue
+from ..transport.losses import LOSSES, Loss
+from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, Tdma
+from ..units import BitsPerSecond, Bytes
+from .explaining import did_you_mean, explain, schema_fields
+from .reading import describe
+
+STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
+ACCESSES: dict[str, Any] = {"aloha": Aloha, "tdma": Tdma}
+
+T = TypeVar("T")
+
+
+def validated(adapter: TypeAdapter[T], value: Any) -> T:
+    """The value read strictly: lists may stand for tuples and mappings for dataclasses, but no text for a number."""
+    return adapter.validate_json(json.dumps(value), strict=True)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Marks a type with the function that reads it, and with the type of what is written, for JSON Schema."""
+
+    read: Callable[[Any], Any]
+    written: Any
+
+    def __get_pydantic_core_schema__(self, _source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Read with the function alone."""
+        return core_schema.no_info_plain_validator_function(
+            self.read, json_schema_input_schema=handler.generate_schema(self.written)
+        )
+
+
+class OneOf:
+    """Reads models that are written as a name, as `{name: {fields}}`, or as `{name: value of the first field}`.
+
+    A bare value stands for the model `of_scalar`, where there is one.
+    """
+
+    def __init__(self, title: str, models: Mapping[str, Any], of_scalar: str | None = None) -> None:
+        self._models = models
+        self._of_scalar = of_scalar
+        written: dict[str, Any] = {
+            name.replace("-", "_"): (model, Field(default=None, alias=name)) for name, model in models.items()
+        }
+        self.written = create_pydantic_model(title, __config__=STRICT, **written)
+        self._adapter: TypeAdapter[BaseModel] = TypeAdapter(self.written)
+
+    def read(self, value: Any) -> Any:
+        """The model.
+
+        Raises:
+            BadInput: not one known name.
+            ValidationError: its fields are wrong; places start with the name.
+        """
+        name, body = self._name_and_body(value)
+        if name not in self._models:
+            raise BadInput(f"unknown name {name!r}{did_you_mean(name, self._models)}")
+        model = self._models[name]
+        if body is None:
+            body = {}
+        elif not isinstance(body, dict) and is_dataclass(model) and fields(model):
+            body = {fields(model)[0].name: body}
+        return getattr(validated(self._adapter, {name: body}), name.replace("-", "_"))
+
+    def _name_and_body(self, value: Any) -> tuple[str, Any]:
+        if isinstance(value, str) and value[:1].isalpha():
+            return value, None
+        if isinstance(value, str | int | float) and not isinstance(value, bool) and self._of_scalar:
+            return self._of_scalar, value
+        if not isinstance(value, dict) or len(value) != 1:
+            raise BadInput(f"write exactly one of {', '.join(self._models)}, not {value!r}")
+        return next(iter(value.items()))
+
+
+class _HalfDuplexFields(TypedDict, total=False):
+    __pydantic_config__ = STRICT  # type: ignore[misc]
+    per: Literal["edge"]
+    access: Annotated[Access, Reader(OneOf("AccessModel", ACCESSES).read, str | dict[str, Any])]
+
+
+_HALF_DUPLEX: TypeAdapter[Any] = TypeAdapter(_HalfDuplexFields)
+MEDIA: dict[str, Any] = {
+    "full-duplex": FullDuplex,
+    "half-duplex": Annotated[
+        HalfDuplex, Reader(lambda value: HalfDuplex(**validated(_HALF_DUPLEX, value)), _HalfDuplexFields)
+    ],
+}
+_MEDIUM = OneOf("MediumModel", MEDIA)
+_LOSS = OneOf("LossModel", LOSSES, of_scalar="bernoulli")
+_LATENCY = OneOf("LatencyModel", LATENCIES, of_scalar="constant")
+_LOSSES: TypeAdapter[tuple[Loss, ...]] = TypeAdapter(tuple[Annotated[Any, Reader(_LOSS.read, _LOSS.written)], ...])
+
+
+class _MediumFields(_HalfDuplexFields, total=False):
+    kind: Required[Literal["full-duplex", "half-duplex"]]
+
+
+def _read_medium(value: Any) -> Any:
+    if isinstance(value, dict):
+        if "kind" not in value:
+            raise BadInput(f"kind is missing: one of {', '.join(MEDIA)}")
+        kind = str(value["kind"])
+        return _MEDIUM.read({kind: {key: item for key, item in value.items() if key != "kind"}})
+    return _MEDIUM.read(value)
+
+
+def _read_losses(value: Any) -> tuple[Loss, ...]:
+    if value is None or value == "none":
+        return ()
+    return validated(_LOSSES, value if isinstance(value, list) else [value])
+
+
+def _bounded(name: str) -> AfterValidator:
+    """Check a field as the link settings do, so that the error stands at the field."""
+
+    def check(value: Any) -> Any:
+        LinkSettings(**{name: value})
+        return value
+
+    return AfterValidator(check)
+
+
+class LinkFields(TypedDict, total=False):
+    """Settings of a link as they are written; those that are absent stay as they are."""
+
+    __pydantic_config__ = STRICT  # type: ignore[misc]
+    medium: Annotated[Medium, Reader(_read_medium, str | _MediumFields)]
+    rate: Annotated[BitsPerSecond | None, _bounded("rate")]
+    overhead: Annotated[Bytes, _bounded("overhead")]
+    bits_per_byte: Annotated[int, _bounded("bits_per_byte")]
+    mtu: Annotated[Bytes, _bounded("mtu")]
+    queue: Queue
+    loss: Annotated[tuple[Loss, ...], Reader(_read_losses, str | float | _LOSS.written | list[_LOSS.written] | None)]
+    latency: Annotated[Latency, Reader(_LATENCY.read, str | _LATENCY.written)]
+    cut: bool
+
+
+def read_words(value: Any) -> tuple[str, ...]:
+    """Names of links or agents, one or a list, separated by commas inside a text; a number is an agent's name."""
+    words: list[str] = []
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, bool) or not isinstance(item, str | int):
+            raise BadInput(f"{item!r} names no link: write 3-7, 3>7, an agent's name, or all")
+        words.extend(str(item).replace(",", " ").split())
+    if not words:
+        raise BadInput("names no link: write 3-7, 3>7, an agent's name, or all")
+    return tuple(words)
+
+
+LinkWords = Annotated[tuple[str, ...], Reader(read_words, str | int | list[str | int])]
+
+
+class _OnlyFields(LinkFields, total=False):
+    where: Required[LinkWords]
+
+
+class LinksFields(LinkFields, total=False):
+    """The scenario's `links:`, settings of all links and, under `only`, what differs on some."""
+
+    only: list[_OnlyFields]
+
+
+@dataclass(frozen=True)
+class LinkOverride:
+    """What differs on some links; `where` as in faults, later entries on top."""
+
+    where: tuple[str, ...]
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Links:
+    """The links of a scenario."""
+
+    base: LinkSettings = LinkSettings()  # noqa: RUF009 - frozen
+    only: tuple[LinkOverride, ...] = ()
+
+
+_LINKS: TypeAdapter[Any] = TypeAdapter(LinksFields)
+_LINK_FIELDS: TypeAdapter[Any] = TypeAdapter(LinkFields)
+
+
+def read_links(value: Any) -> Links:
+    """The scenario's `links:` mapping."""
+    given = validated(_LINKS, value)
+    only = given.pop("only", ())
+    return Links(LinkSettings(**given), tuple(LinkOverride(entry.pop("where"), entry) for entry in only))
+
+
+@cache
+def _link_field_schema() -> dict[str, Any]:
+    return _LINK_FIELDS.json_schema()
+
+
+def link_changes(fields_written: Mapping[str, Any]) -> dict[str, Any]:
+    """Field → new value of some link settings, from what is written, e.g. {"loss": 0.3, "latency": "2 ms"}.
+
+    Raises:
+        BadInput: nothing to change, an unknown field, or a value out of bounds.
+    """
+    if not fields_written:
+        raise BadInput("nothing to set: write for example loss=0.3")
+    try:
+        changes: dict[str, Any] = validated(_LINK_FIELDS, dict(fields_written))
+    except ValidationError as error:
+        problems = explain(error, partial(schema_fields, _link_field_schema()))
+        raise BadInput("; ".join(describe(fields_written, problem) for problem in problems)) from error
+    return changes

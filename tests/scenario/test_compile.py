@@ -1,0 +1,92 @@
+"""Plans: what a scenario becomes for the engines."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from volery.errors import BadInput
+from volery.experiments.compile import compile_plan
+from volery.experiments.fitting import settings_problems
+from volery.experiments.scenario import Scenario
+from volery.transport.faults import Kill, LinkFault
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings
+from volery.transport.losses import Bernoulli
+from volery.transport.media import HalfDuplex, Tdma
+
+from .conftest import Load
+
+
+def test_agents_come_in_natural_order_with_their_neighbourhood(load: Load) -> None:
+    """2 stands before 10, and each agent knows the degrees of itself and its neighbours."""
+    plan = compile_plan(load("topology.star=11", "faults=[]"))
+    assert [agent.name for agent in plan.agents] == [str(number) for number in range(1, 12)]
+    hub, leaf = plan.agents[0], plan.agents[9]
+    assert hub.neighbours == tuple(str(number) for number in range(2, 12))
+    assert leaf.degrees == {"1": 10, "10": 1}
+    assert leaf.position is not None
+    assert plan.links.keys() == {link for name in hub.neighbours for link in (("1", name), (name, "1"))}
+
+
+def test_a_plan_can_be_pickled(load: Load) -> None:
+    """It goes to other processes as it is."""
+    plan = compile_plan(load("topology.hexagonal=4", "world={kind: plane, altitude: 0.2 m}"))
+    assert pickle.loads(pickle.dumps(plan)) == plan  # noqa: S301 - made here
+    assert plan.world is not None
+    assert plan.world.sensors("1") == {"distance": 20.0}
+
+
+def test_later_overrides_of_links_lie_on_top(load: Load) -> None:
+    """Each entry of `only` changes the links that it names, in one direction or both."""
+    plan = compile_plan(load("links.only=[{where: 1, loss: 0.5}, {where: 2>1, loss: none, latency: 9 ms}]"))
+    assert plan.links["1", "2"].loss == (Bernoulli(0.5),)
+    assert (plan.links["2", "1"].loss, plan.links["2", "1"].latency) == ((), Constant(9_000_000))
+    assert plan.links["2", "3"] == load().links.base
+
+
+def test_faults_get_ids_in_order_and_times(load: Load) -> None:
+    """`for` is counted from `at`; a kill ends with a restart."""
+    plan = compile_plan(load(replacing=("", "  - {at: 1 s, for: 2 s, kill: 3}\n")))
+    cut, lossy, kill = plan.faults
+    assert isinstance(cut, LinkFault)
+    assert isinstance(lossy, LinkFault)
+    assert (cut.id, cut.at_ns, cut.until_ns) == ("t1", 3_000_000_000, 4_000_000_000)
+    assert (cut.links, cut.changes) == ((("1", "2"), ("2", "1")), {"cut": True})
+    assert (lossy.until_ns, len(lossy.links)) == (7_000_000_000, 4)
+    assert kill == Kill("t3", 1_000_000_000, 3_000_000_000, "3")
+
+
+def test_parts_that_do_not_fit_are_refused_without_a_file_too(load: Load) -> None:
+    """A scenario made in Python meets the same checks."""
+    scenario = load()
+    wrong = Scenario.model_construct(**{**dict(scenario), "topology": {"complete": 3}, "world": {"kind": "plane"}})
+    with pytest.raises(BadInput, match=r"^world: a world needs .* positions, and topology 'complete' has none"):
+        compile_plan(wrong)
+    with pytest.raises(BadInput, match=r"^topology.line: count is 1"):
+        compile_plan(Scenario.model_construct(**{**dict(scenario), "topology": {"line": 1}}))
+
+
+@pytest.mark.parametrize(
+    ("settings", "payload", "compute_ns", "fields"),
+    [
+        (LinkSettings(), 1500, 1, []),
+        (LinkSettings(), 1501, 1, ["mtu"]),
+        (LinkSettings(), None, 1, []),
+        (LinkSettings(), 1, 0, ["latency"]),
+        (LinkSettings(latency=Constant(1)), 1, 0, []),
+        (LinkSettings(rate=1e6, overhead=1), 1, 0, []),
+        (LinkSettings(medium=HalfDuplex("edge", Tdma(50.0)), rate=8000.0), 9, 1, []),
+        (LinkSettings(medium=HalfDuplex("edge", Tdma(50.0)), rate=8000.0), 10, 1, ["medium"]),
+        (LinkSettings(medium=HalfDuplex("edge", Tdma(50.0, 2_000_000)), rate=8000.0), 8, 1, ["medium"]),
+    ],
+)
+def test_a_frame_must_fit_its_link(
+    settings: LinkSettings, payload: int | None, compute_ns: int, fields: list[str]
+) -> None:
+    """MTU and slot are bounds that may be met but not passed.
+
+    At 8 kbit/s a byte takes 1 ms; of two slots in 20 ms each is 10 ms, less 1 ns, less the guard.
+    """
+    assert [field for field, _ in settings_problems(settings, payload, compute_ns)] == fields

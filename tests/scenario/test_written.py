@@ -1,0 +1,128 @@
+"""What is written reads back equal: quantities, resolved scenarios; and the built-in scenarios, template and schema."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from volery import units
+from volery.experiments.compile import compile_plan
+from volery.experiments.scenario import (
+    builtin_scenarios,
+    json_schema,
+    load_scenario,
+    new_scenario_text,
+    resolved_yaml,
+    scenario_text,
+)
+from volery.experiments.validate import validate_plan
+from volery.experiments.writing import quantity
+
+from .conftest import Load
+
+BUILT_IN = ["dfa16", "dfa16-async", "dfa16-kill", "dfa16-lossy", "dfa4", "dfa8-random", "dfa-sizes"]
+
+
+@given(st.integers(-(10**20), 10**20))
+def test_every_time_reads_back(time_ns: int) -> None:
+    """Whole nanoseconds, however large."""
+    assert units.parse(quantity(time_ns, "ns"), "ns") == time_ns
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(["Hz", "bit/s", "m", "rad", "V"]))
+def test_every_number_reads_back(value: float, unit: str) -> None:
+    """Every bit of a float, in every unit."""
+    assert units.parse(quantity(value, unit), unit) == value
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (2_500_000, "ns", "2.5 ms"),
+        (10_000_000_000, "ns", "10 s"),
+        (1, "ns", "1 ns"),
+        (115_200.0, "bit/s", "115.2 kbit/s"),
+        (60.0, "Hz", "60 Hz"),
+        (units.parse("5 deg", "rad"), "rad", "5 deg"),
+    ],
+)
+def test_quantities_are_written_in_a_handy_unit(value: float, unit: str, text: str) -> None:
+    """As a person would."""
+    assert quantity(value, unit) == text
+
+
+def _read_back(text: str, folder: Path) -> object:
+    path = folder / "resolved.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_scenario(path)
+
+
+def test_a_resolved_scenario_reads_back_equal(load: Load, tmp_path: Path) -> None:
+    """Overrides, models, faults of every sort and parameters of every sort come through."""
+    scenario = load(
+        "agents.gain={value: 0.1, reach: 25 cm}",
+        "agents.lengths=[1 mm, 2 m]",
+        "agents.wait=3 us",
+        "agents.estimator=median",
+        "links.only=[{where: [1-2, 3], loss: [0.1, 0.2], queue: {policy: latest}}, {where: 2>1, rate: null}]",
+        "world={kind: plane, altitude: {steps: {0 s: 0.1 m, 1 s: 0.2 m}}}",
+        "description='yes: {no}'",
+        replacing=("", "  - {at: 1 s, for: 0.3 s, kill: 3}\n  - {at: 7 s, pause: 2}\n"),
+    )
+    assert _read_back(resolved_yaml(scenario), tmp_path) == scenario
+    assert compile_plan(scenario).faults[2].until_ns == 1_300_000_000
+
+
+def test_resolving_writes_the_defaults_out(load: Load) -> None:
+    """What a later version might choose otherwise stands in the file."""
+    text = resolved_yaml(load())
+    for line in ("compute: 1 ms", "mtu: 1500 B", "policy: drop-tail", "estimator: mean", "overload: false"):
+        assert line in text
+
+
+def test_the_built_in_scenarios_are_listed() -> None:
+    """Each says what paper and figure it is about, and what it shows."""
+    listed = {scenario.name: scenario for scenario in builtin_scenarios()}
+    assert sorted(listed) == sorted(BUILT_IN)
+    assert all("Kriegleder 2012" in scenario.paper and scenario.description for scenario in listed.values())
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_every_built_in_scenario_compiles_and_reads_back(name: str, tmp_path: Path) -> None:
+    """Nothing in it is over its bounds, no medium over 100 %."""
+    scenario = load_scenario(name)
+    plan = compile_plan(scenario)
+    validation = validate_plan(plan)
+    assert validation.puts_per_second is not None
+    assert plan.world is not None
+    assert f"name: {name}" in scenario_text(name)
+    assert _read_back(resolved_yaml(scenario), tmp_path) == scenario
+
+
+def test_the_cut_and_the_losses_of_the_demonstration_are_there() -> None:
+    """`dfa16-lossy` cuts a link that exists for a second, and troubles all 60 directions for another."""
+    cut, lossy = compile_plan(load_scenario("dfa16-lossy")).faults
+    assert (cut.at_ns, cut.until_ns) == (3_000_000_000, 4_000_000_000)
+    assert len(getattr(lossy, "links")) == 60  # noqa: B009 - a fault of links
+
+
+def test_a_new_scenario_compiles(tmp_path: Path) -> None:
+    """The template is a complete scenario under its name."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(new_scenario_text("mine"), encoding="utf-8")
+    scenario = load_scenario(path)
+    assert scenario.name == "mine"
+    validate_plan(compile_plan(scenario))
+
+
+def test_the_schema_is_json_and_knows_the_fields() -> None:
+    """Editors get names, enumerations and which fields must be there."""
+    schema = json.loads(json.dumps(json_schema()))
+    assert set(schema["required"]) == {"duration", "topology", "agents"}
+    assert {"links", "faults", "world", "seed"} <= schema["properties"].keys()
+    assert "gilbert-elliott" in json.dumps(schema)
+    assert schema["$defs"]["Agents"]["additionalProperties"] is True
