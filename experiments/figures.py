@@ -52,17 +52,21 @@ _LEVELS, _LEVEL, _CLOSE = 2, 0.1, 0.25
 
 def plot(
     folder: Path,
-    which: Iterable[str] = FIGURES,
+    which: Iterable[str] | None = None,
     out: Path | None = None,
     formats: Sequence[str] = ("png", "pdf"),
     quantity: str | None = None,
 ) -> list[Path]:
     """Draw figures of the run in a folder; the paths of the files, in `out` or else the run's `figures`.
 
+    Without `which`, every figure for which the run has anything to show.
+
     Raises:
         BadInput: no such figure, format or quantity, or no run.
     """
-    return draw(load(folder), which, out or folder / "figures", formats, quantity)
+    record = load(folder)
+    shown = which or (FIGURES if record.quantities() else ("links",))
+    return draw(record, shown, out or folder / "figures", formats, quantity)
 
 
 def draw(

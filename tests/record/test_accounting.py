@@ -177,7 +177,7 @@ def test_broken_off_run_has_no_missing_frames(plan_of: Make, sent: Make, heard: 
     rate=st.sampled_from([None, 4000.0, 20_000.0]),
     limit=st.integers(1, 3),
     half=st.booleans(),
-    kill_ms=st.none() | st.integers(0, 600),
+    kill=st.none() | st.tuples(st.integers(0, 450), st.none() | st.integers(451, 600)),
     cut=st.tuples(st.integers(0, 300), st.integers(301, 600)),
 )
 def test_every_run_in_the_twin_closes(
@@ -187,13 +187,13 @@ def test_every_run_in_the_twin_closes(
     rate: float | None,
     limit: int,
     half: bool,
-    kill_ms: int | None,
+    kill: tuple[int, int | None] | None,
     cut: tuple[int, int],
 ) -> None:
     """Whatever the links and faults do, every frame has exactly one fate."""
     faults: list[Any] = [LinkFault("t1", cut[0] * MS, cut[1] * MS, (("1", "2"),), {"cut": True})]
-    if kill_ms is not None:
-        faults.append(Kill("t2", kill_ms * MS, None, "2"))
+    if kill is not None:
+        faults.append(Kill("t2", kill[0] * MS, None if kill[1] is None else kill[1] * MS, "2"))
     link = LinkSettings(
         rate=rate, queue=Queue(limit, "drop-head"), loss=(Bernoulli(loss),), latency=Normal(20 * MS, 10 * MS)
     )

@@ -55,6 +55,14 @@ def test_metrics_figures_and_tables_of_a_folder(folder: Path) -> None:
     assert export(folder, "csv") == [folder / "export" / "estimates.csv", folder / "export" / "frames.csv"]
 
 
+def test_run_without_estimates_has_a_figure_of_its_links(folder: Path) -> None:
+    """Asked for no figure by name, what there is to show is drawn."""
+    (folder / "record.mcap").unlink()
+    with Recorder(folder) as recorder:
+        recorder.event({"event": "finished", "time_ns": 0})
+    assert plot(folder, formats=["png"]) == [folder / "figures" / "links.png"]
+
+
 def test_damaged_run_information_is_named(folder: Path) -> None:
     """The message names the file and the remedy; without the file the run reads all the same."""
     (folder / "run.json").write_text("{", "utf-8")
