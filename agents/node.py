@@ -156,9 +156,9 @@ class Node:
             heappush(self.heap, event)
 
     def _on_arrival(self, event: Event) -> None:
-        if self.dead:
-            return
         frame: Frame = event[DATA]
+        if self.dead and frame.due_ns >= self.now_ns:
+            return
         source = event[SOURCE]
         deaf = self.senders[source].transceiver.deaf(frame.start_ns, frame.start_ns + frame.airtime_ns)
         fate = links.fate(frame.verdict, deaf=deaf)

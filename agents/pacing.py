@@ -18,6 +18,8 @@ from ..transport.timerfd import TimerFd
 from .node import Node
 
 _GRACE_S = 0.1
+_DRAIN_S = 0.05
+"""A killed agent still hears what was due before its end."""
 _EARLIEST_FAULT_NS = 20_000_000
 _LATENESS_KEPT = 50_000
 
@@ -68,7 +70,7 @@ class Realtime:
             event = heappop(heap)
             event[HANDLER](event)
         if node.dead:
-            self._done()
+            self._loop.call_later(_DRAIN_S, self._done)
         elif heap and heap[0][TIME] < self._end_ns:
             next_ns = heap[0][TIME] - (self._early_ns if heap[0][RANK] >= OFFER else 0)
             self._timer.set(self._epoch_ns + int(next_ns / self._speed))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from heapq import heappush
 from typing import Any, Protocol
 
 from ..agents.journal import Batch
 from ..agents.node import Node, Put
 from ..agents.plan import Plan
 from ..transport import fabric
-from ..transport.events import FAULT, Event
+from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Frame, decode, encode
 
 _PROGRESS_EVERY_NS = 100_000_000
+_RESTART = 2
+"""Sequence of a restart among the events of its kill, after its start and its end."""
 
 LastHeard = Mapping[tuple[str, int, str], int]
 """(source, incarnation, target) → the last sequence number that the target heard of a source killed from outside."""
@@ -48,10 +51,12 @@ class Twin:
         for agent in plan.agents:
             for incarnation, kill in enumerate(plan.kills(agent.name), start=1):
                 if kill.until_ns is not None:
-                    self._heap.append(
-                        (kill.until_ns, FAULT, kill.id, 1, 0, self._order[agent.name], self._restart, (agent.name, incarnation))
-                    )
-        self._heap.sort()
+                    self._restart_at(kill.until_ns, kill.id, agent.name, incarnation)
+
+    def _restart_at(self, time_ns: int, fault: str, name: str, incarnation: int) -> None:
+        heappush(
+            self._heap, (time_ns, FAULT, fault, _RESTART, 0, self._order[name], self._restart, (name, incarnation))
+        )
 
     def _node(self, name: str, incarnation: int, start_ns: int) -> Node:
         return Node(self._plan, name, self._heap, self._carry(name), incarnation, start_ns, self._order[name])
@@ -65,10 +70,10 @@ class Twin:
         return put
 
     def _restart(self, event: Event) -> None:
-        name, incarnation = event[7]
+        name, incarnation = event[DATA]
         self._dead.append(self.nodes[name])
-        self.nodes[name] = self._node(name, incarnation, event[0])
-        self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[0]})
+        self.nodes[name] = self._node(name, incarnation, event[TIME])
+        self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[TIME]})
 
     def run(self, progress: Callable[[int], None] | None = None) -> None:
         """Handle every event before the end; `progress` is told the nominal time in nanoseconds."""
