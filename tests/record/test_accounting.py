@@ -101,6 +101,14 @@ def test_frames_to_a_killed_agent_are_lost(
     assert (one.lost, one.delivered) == ({"receiver-down": lost}, 4 - lost)
 
 
+def test_frame_sent_after_the_restart_must_be_heard(record_of: Make, sent: Make) -> None:
+    """A kill explains nothing that started after the agent came back."""
+    events = [{"event": "restarted", "agent": "2", "incarnation": 1, "time_ns": 120 * MS}]
+    kill = Kill("t1", 100 * MS, 120 * MS, "2")
+    one = of_link(record_of(Batch("1", 0, sent=[sent(0, 120)]), Batch("2", 1), events=events, faults=(kill,)))
+    assert (one.missing, one.closes) == (1, False)
+
+
 def test_live_kill_counts_as_one_of_the_scenario(record_of: Make, sent: Make) -> None:
     """A kill that came from a second terminal is in the run's events and explains what was not heard."""
     events = [{"event": "fault", "time_ns": 50 * MS, "fault": to_plain(Kill("l1", 100 * MS, None, "2"))}]

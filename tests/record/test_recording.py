@@ -165,13 +165,14 @@ def test_flush_survives_the_end_of_the_process(tmp_path: Path) -> None:
     assert collect(tmp_path)[0].batches == {("1", 0): first}
 
 
-def test_damage_in_the_middle_is_named(tmp_path: Path, run: Collector) -> None:
-    """A flipped byte in a chunk is noticed by its checksum; what stands before it can be recovered."""
+@pytest.mark.parametrize("place", [30, -6])
+def test_damage_in_the_middle_is_named(tmp_path: Path, run: Collector, place: int) -> None:
+    """A flipped byte in a chunk's data or checksum is noticed; what stands before that chunk can be recovered."""
     write(tmp_path, run, flush=True)
     path = tmp_path / "record.mcap"
     data = bytearray(path.read_bytes())
     chunk = [match.start() for match in re.finditer(b"zstd", data)][1]  # the second chunk's own record, not its index
-    data[chunk + 30] ^= 0xFF
+    data[chunk + place] ^= 0xFF
     path.write_bytes(bytes(data))
     with pytest.raises(BadInput, match=r"record\.mcap is damaged .* after byte .*volery recover"):
         collect(tmp_path)
