@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 
-class Sample(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Sample:
     """A sensor sample; `value` is None where the sensor saw nothing."""
 
     sensor: str
@@ -27,7 +28,8 @@ class Sample(NamedTuple):
     value: NDArray[np.float64] | None
 
 
-class Received(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Received:
     """A payload from a neighbour, at the instant at which it is due: what a radio would tell, and no more."""
 
     source: str
@@ -35,7 +37,8 @@ class Received(NamedTuple):
     time_ns: int
 
 
-class Timer(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Timer:
     """A timer that the agent has set."""
 
     name: str
@@ -64,7 +67,7 @@ class Context(Protocol):
 
     @property
     def now_ns(self) -> int:
-        """Nominal time of the event in hand."""
+        """Nominal time of the event in hand, in nanoseconds, or later where that had to wait."""
 
     def send(self, target: str, payload: bytes, stream: str = "") -> None:
         """Hand a payload to the link to a neighbour; what becomes of it is not told.
@@ -75,7 +78,13 @@ class Context(Protocol):
         """
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
-        """Ask for `on_timer` at an instant that is not before now."""
+        """Ask for `on_timer` at an instant that is not before that of the event in hand.
+
+        Where that event had to wait and the instant is over, it rings at once.
+
+        Raises:
+            BadInput: the instant is before the event in hand.
+        """
 
     def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
         """Write down an estimate; `index` is the sample it belongs to."""

@@ -57,7 +57,7 @@ class NodeContext:
 
     @property
     def now_ns(self) -> int:
-        """Nominal time of the event in hand."""
+        """Nominal time of the event in hand, or later where that had to wait."""
         return self._node.now_ns
 
     def send(self, target: str, payload: bytes, stream: str = "") -> None:
@@ -69,9 +69,9 @@ class NodeContext:
         self._node.send(target, payload, stream)
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
-        """Ask for `on_timer` at an instant that is not before now."""
-        if time_ns < self.now_ns:
-            raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {self.now_ns} ns")
+        """Ask for `on_timer` at an instant that is not before that of the event in hand."""
+        if time_ns < self._node.event_ns:
+            raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {self._node.event_ns} ns")
         self._check_promise()
         self._node.set_timer(Timer(name, index, time_ns))
 

@@ -113,7 +113,7 @@ class NeighbourhoodRounds:
         self._held = None
         self._round = 0
 
-    def message(self, target: str) -> Vector | None:  # noqa: ARG002 - the same for all
+    def message(self, target: str) -> Vector | None:
         """Position and distance at first, then the estimate held and its hops."""
         if self._round == 0:
             return self._measured

@@ -27,6 +27,7 @@ _NEWEST = (0, 0)
 Tag = tuple[int, int]
 """Sample and round that a message belongs to; asynchronous messages are all alike."""
 
+
 class DfaModule(Agent):
     """One module of the array."""
 
@@ -113,7 +114,7 @@ class DfaModule(Agent):
                 self.context.send(other, payload, stream="round")
 
     def on_frame(self, frame: Received) -> None:
-        """Keep a neighbour's message for its round, unless that is over; without rounds to wait for, the newest counts."""
+        """Keep a neighbour's message for its round, unless that is over; without rounds, the newest counts."""
         sample, number, vector = payloads.decode(frame.payload)
         if not self._synchronous or not _before((sample, number), self._open):
             self._heard.setdefault((sample, number), {})[frame.source] = vector

@@ -53,14 +53,22 @@ def _other_rates(plan: Plan) -> Iterator[str]:
     for agent in plan.agents:
         rate = plan.world.sensors(agent.name).get(SENSOR)
         if rate != agent.parameters.rate:
-            yield f"agents.rate is {agent.parameters.rate:g} Hz, but the world's sensors run at {rate or 0:g} Hz: make them equal"
+            yield (
+                f"agents.rate is {agent.parameters.rate:g} Hz, but the world's sensors run at {rate or 0:g} Hz: "
+                "make them equal"
+            )
             return
 
 
 def _late_rounds(plan: Plan) -> Iterator[str]:
     """Synchronous rounds whose frames, at mean latency, come after the round in which they are used is over."""
     kinds = {
-        (agent.parameters, agent.compute_ns, plan.links[agent.name, other], natural_key(agent.name) > natural_key(other))
+        (
+            agent.parameters,
+            agent.compute_ns,
+            plan.links[agent.name, other],
+            natural_key(agent.name) > natural_key(other),
+        )
         for agent in plan.agents
         for other in agent.neighbours
         if agent.parameters.timing == "synchronous"
@@ -68,13 +76,14 @@ def _late_rounds(plan: Plan) -> Iterator[str]:
     worst_ns = max((_behind(plan, *kind) for kind in kinds), default=0)
     if worst_ns > 0:
         yield (
-            f"synchronous rounds do not fit: a frame of mean latency comes {worst_ns / 1e6:.3f} ms after the round that waits "
-            "for it; use fewer rounds, less latency, a smaller payload, phase: aligned, or timing: asynchronous"
+            f"synchronous rounds do not fit: a frame of mean latency comes {worst_ns / 1e6:.3f} ms after the round "
+            "that waits for it; use fewer rounds, less latency, a smaller payload, "
+            "phase: aligned, or timing: asynchronous"
         )
 
 
 def _behind(plan: Plan, parameters: DfaParameters, compute_ns: int, settings: LinkSettings, second: bool) -> int:
-    """How long after the end of its round the latest frame of a link comes, in nanoseconds; negative if all are early."""
+    """How long after the end of its round a link's latest frame comes, in nanoseconds; negative if all are early."""
     airtime_ns = settings.airtime_ns(parameters.largest_payload)
     latest = -(2**62)
     total = int(plan.duration_ns * parameters.round_rate / 1e9)

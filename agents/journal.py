@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 
 class Estimate(NamedTuple):
-    """A quantity that an agent reported: `index` is the sample it belongs to, `value` a flat vector."""
+    """A quantity that an agent reported: `sample` is the one it belongs to, `value` a flat vector."""
 
     time_ns: int
     quantity: str
-    index: int
+    sample: int
     value: list[float]
 
 

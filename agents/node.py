@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from heapq import heappush
+from operator import itemgetter
 from typing import Any
 
-from ..transport import links
 from ..errors import BadInput
+from ..transport import links
 from ..transport.events import (
     DATA,
     FAULT,
@@ -27,7 +28,7 @@ from ..transport.events import (
     TRANSMIT,
     Event,
 )
-from ..transport.faults import Fault, Kill, LinkFault, effective
+from ..transport.faults import Fault, Kill, LinkFault, Pause, effective
 from ..transport.frames import Frame
 from ..units import first_period, period_ns
 from .agent import Agent, Received, Sample, Timer
@@ -55,10 +56,20 @@ class Node:
         put: called with (neighbour, frame) when a transmission starts.
         incarnation: 0 at first, one more after each restart.
         start_ns: when the agent comes to life.
+        index: place among the nodes that share the heap.
+
+    `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
     """
 
     def __init__(
-        self, plan: Plan, name: str, heap: list[Event], put: Put, incarnation: int = 0, start_ns: int = 0, index: int = 0
+        self,
+        plan: Plan,
+        name: str,
+        heap: list[Event],
+        put: Put,
+        incarnation: int = 0,
+        start_ns: int = 0,
+        index: int = 0,
     ) -> None:
         me = plan.agent(name)
         self.plan, self.name, self.incarnation, self.index = plan, name, incarnation, index
@@ -66,7 +77,7 @@ class Node:
         self.compute_ns = me.compute_ns
         self.heap = heap
         self.journal = Batch(name, incarnation)
-        self.now_ns = start_ns
+        self.now_ns = self.event_ns = start_ns
         self.dead = False
         self.start_ns = start_ns
         self.faults: dict[str, Fault] = {}
@@ -123,7 +134,9 @@ class Node:
         self._admit(event, self._ring)
 
     def _ring(self, event: Event) -> None:
-        self.agent.on_timer(event[DATA])
+        timer: Timer = event[DATA]
+        self.event_ns = timer.time_ns
+        self.agent.on_timer(timer)
 
     def _admit(self, event: Event, act: Callable[[Event], None]) -> None:
         """Let the agent handle an event, unless its processor stands still: then it waits for its turn."""
@@ -135,6 +148,10 @@ class Node:
         if event > self._last:
             self._last = event
             self.now_ns = event[TIME]
+        self._handle(event, act)
+
+    def _handle(self, event: Event, act: Callable[[Event], None]) -> None:
+        self.event_ns = event[TIME]
         act(event)
 
     # -- frames that come in ------------------------------------------------------------------------------------
@@ -190,9 +207,9 @@ class Node:
         self._schedule(self.now_ns + self.compute_ns, OFFER, target, self._count, self._on_offer, (payload, stream))
 
     def set_timer(self, timer: Timer) -> None:
-        """Schedule a timer of the agent."""
+        """Schedule a timer of the agent; one that is over because the event in hand had to wait rings at once."""
         self._count += 1
-        self._schedule(timer.time_ns, TIMER, self.name, self._count, self._on_timer, timer)
+        self._schedule(max(timer.time_ns, self.now_ns), TIMER, self.name, self._count, self._on_timer, timer)
 
     def _on_offer(self, event: Event) -> None:
         if self.dead:
@@ -211,10 +228,17 @@ class Node:
         self._pump(target, event[TIME])
 
     def _pump(self, target: str, now_ns: int) -> None:
-        """Start what may start now, and come back when the next frame may."""
+        """Start the next frame if it may start now; while frames wait, there is an event for the next start."""
         sender = self.senders[target]
-        while (start := sender.next_start(now_ns)) is not None and start <= now_ns:
-            self._transmit(target, sender.transmit(now_ns))
+        start = sender.next_start(now_ns)
+        if start is None or start > now_ns:
+            self._come_back(target, start)
+            return
+        frame = sender.transmit(now_ns)
+        self._come_back(target, sender.next_start(now_ns))
+        self._transmit(target, frame)
+
+    def _come_back(self, target: str, start: int | None) -> None:
         if start is not None and start < self._next_start.get(target, FOREVER_NS):
             self._next_start[target] = start
             self._count += 1
@@ -233,8 +257,8 @@ class Node:
 
     def arm(self, fault: Fault) -> None:
         """Take note of a fault, or of a new end of one that is known; what does not touch this node is passed over."""
-        mine = any(link[0] == self.name for link in fault.links) if isinstance(fault, LinkFault) else fault.agent == self.name
-        if not mine or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
+        sources = {source for source, _ in fault.links} if isinstance(fault, LinkFault) else {fault.agent}
+        if self.name not in sources or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
             return
         known = self.faults.get(fault.id)
         self.faults[fault.id] = fault
@@ -250,32 +274,35 @@ class Node:
         self._last = max(self._last, event)
         self.now_ns = max(self.now_ns, event[TIME])
         if isinstance(fault, LinkFault):
-            self._change_links(fault, event[TIME])
-        elif isinstance(fault, Kill):
-            if event[TIME] == fault.at_ns:
-                self._die()
-        elif event[TIME] == fault.until_ns:
-            self._resume()
-        elif event[TIME] == fault.at_ns and self._waiting is None:
-            self._waiting = []
+            self._change_links(fault)
+        elif isinstance(fault, Pause):
+            self._stand_still_or_go_on()
+        elif event[TIME] == fault.at_ns:
+            self._die()
 
-    def _change_links(self, fault: LinkFault, now_ns: int) -> None:
+    def _change_links(self, fault: LinkFault) -> None:
         all_faults = [other for other in self.faults.values() if isinstance(other, LinkFault)]
         for source, target in fault.links:
             if source == self.name:
-                settings = effective(self.plan.links[source, target], (source, target), all_faults, now_ns)
-                self.senders[target].change(settings)
-                self._pump(target, now_ns)
+                settings = effective(self.plan.links[source, target], (source, target), all_faults, self.now_ns)
+                sender = self.senders[target]
+                sender.change(settings)
+                self._come_back(target, sender.next_start(self.now_ns))
 
     def _die(self) -> None:
         self.finish()
         self.journal.events.append({"event": "killed", "time_ns": self.now_ns})
         self.dead = True
 
-    def _resume(self) -> None:
-        waiting, self._waiting = self._waiting, None
-        for event, act in waiting or ():
-            act(event)
+    def _stand_still_or_go_on(self) -> None:
+        """Stand still as long as any pause is in force; then handle what came meanwhile, in order."""
+        pauses = (fault for fault in self.faults.values() if isinstance(fault, Pause))
+        if any(fault.in_force(self.now_ns) for fault in pauses):
+            self._waiting = self._waiting or []
+        elif self._waiting is not None:
+            waiting, self._waiting = self._waiting, None
+            for event, act in sorted(waiting, key=itemgetter(0)):
+                self._handle(event, act)
 
     # -- the end, and what can be promised ----------------------------------------------------------------------
 
@@ -300,30 +327,24 @@ class Node:
         if self.dead:
             return dict.fromkeys(targets, FOREVER_NS)
         acts = FOREVER_NS if self.timers_only else arrivals_ns
-        link_events: dict[str, int] = {}
+        starts, changes = dict.fromkeys(self.senders, FOREVER_NS), dict.fromkeys(self.senders, FOREVER_NS)
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
             if rank >= OFFER:
-                target = event[SOURCE]
-                link_events[target] = min(time_ns, link_events.get(target, FOREVER_NS))
+                starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
             elif time_ns < acts and not (self.timers_only and event[HANDLER] == self._on_arrival):
                 acts = time_ns
+            if rank == FAULT:
+                for target in self._accesses_changed(self.faults[event[DATA]]):
+                    changes[target] = min(time_ns, changes[target])
         acts += self.compute_ns
-        return {target: self._earliest_start(target, min(acts, link_events.get(target, FOREVER_NS))) for target in targets}
+        return {
+            target: min(self.senders[target].earliest_next(min(acts, starts[target])), changes[target])
+            for target in targets
+        }
 
-    def _earliest_start(self, target: str, ready_ns: int) -> int:
-        sender = self.senders[target]
-        if sender.waiting():
-            ready_ns = self.now_ns
-        return sender.earliest_next(ready_ns) if self._access_is_fixed(target) else ready_ns
-
-    def _access_is_fixed(self, target: str) -> bool:
-        """Whether no fault still to come changes when a frame to `target` may start."""
-        link = (self.name, target)
-        return not any(
-            isinstance(fault, LinkFault)
-            and link in fault.links
-            and _ACCESS_FIELDS & fault.changes.keys()
-            and (fault.until_ns is None or fault.until_ns >= self.now_ns)
-            for fault in self.faults.values()
-        )
+    def _accesses_changed(self, fault: Fault) -> Iterable[str]:
+        """The neighbours to whom frames may start at other instants once a fault begins or ends."""
+        if not isinstance(fault, LinkFault) or not _ACCESS_FIELDS & fault.changes.keys():
+            return ()
+        return (target for source, target in fault.links if source == self.name)

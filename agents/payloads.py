@@ -16,7 +16,7 @@ from ..errors import VoleryError
 
 Precision = Literal["float64", "float32", "float16"]
 _CODES: dict[Precision, int] = {"float64": 8, "float32": 4, "float16": 2}
-_TYPES = {8: np.dtype("<f8"), 4: np.dtype("<f4"), 2: np.dtype("<f2")}
+_TYPES: dict[int, np.dtype[np.floating[Any]]] = {8: np.dtype("<f8"), 4: np.dtype("<f4"), 2: np.dtype("<f2")}
 
 
 class DamagedPayload(VoleryError):

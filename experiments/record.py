@@ -131,7 +131,7 @@ def _series(agent: str, reports: list[Estimate], width: int) -> Series:
         )
     return Series(
         np.array([report.time_ns for report in reports], dtype=np.int64),
-        np.array([report.index for report in reports], dtype=np.int64),
+        np.array([report.sample for report in reports], dtype=np.int64),
         np.array([report.value for report in reports], dtype=np.float64).reshape(len(reports), width),
     )
 

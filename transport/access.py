@@ -54,5 +54,7 @@ def access_control(keys: Keys, neighbours: Mapping[str, Iterable[str]]) -> dict[
         "default_permission": "deny",
         "rules": [rule for own in rules.values() for rule in own],
         "subjects": [{"id": f"is-{user}", "usernames": [user]} for user in rules],
-        "policies": [{"rules": [rule["id"] for rule in own], "subjects": [f"is-{user}"]} for user, own in rules.items()],
+        "policies": [
+            {"rules": [rule["id"] for rule in own], "subjects": [f"is-{user}"]} for user, own in rules.items()
+        ],
     }

@@ -7,18 +7,21 @@ the nodes of one heap apart, and `handler` is called with the event when its tur
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 FAULT = 0
-FRAME = SENSE = ACT = 1
+FRAME = SENSE = 1
 TIMER = 2
-WORLD = 3
 OFFER = 4
 TRANSMIT = 5
 """Ranks: at one instant faults come first, then what comes in, then timers; the agent's own link comes last."""
 
 Event = tuple[int, int, str, int, int, int, Callable[[Any], None], Any]
-TIME, RANK, SOURCE, SEQUENCE, COPY, NODE, HANDLER, DATA = range(8)
+TIME: Final = 0
+RANK: Final = 1
+SOURCE: Final = 2
+HANDLER: Final = 6
+DATA: Final = 7
 
 FOREVER_NS = 2**62
 """Later than every run."""

@@ -9,7 +9,7 @@ from .events import HANDLER, TIME, Event
 
 
 def run(heap: list[Event], until_ns: int, every_ns: int = 0, progress: Callable[[int], None] | None = None) -> None:
-    """Handle every event before `until_ns`, in the order of their keys; `progress` is told the time every `every_ns`."""
+    """Handle every event before `until_ns` in the order of their keys; tell `progress` the time every `every_ns`."""
     report_at = every_ns
     while heap and heap[0][TIME] < until_ns:
         event = heappop(heap)

@@ -16,33 +16,37 @@ LinkName = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class LinkFault:
-    """Settings of some directed links that hold in [at, until); `until_ns` None: until cleared."""
+class _Span:
+    """A name, and the span [at, until) in which it holds; `until_ns` None: until cleared."""
 
     id: str
     at_ns: int
     until_ns: int | None
+
+    def in_force(self, now_ns: int) -> bool:
+        """Whether an instant lies in the span."""
+        return self.at_ns <= now_ns and (self.until_ns is None or now_ns < self.until_ns)
+
+
+@dataclass(frozen=True)
+class LinkFault(_Span):
+    """Settings of some directed links that hold in [at, until); `until_ns` None: until cleared."""
+
     links: tuple[LinkName, ...]
     changes: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Kill:
+class Kill(_Span):
     """An agent handles everything before `at_ns`, then its process ends; a restart at `until_ns`, or none."""
 
-    id: str
-    at_ns: int
-    until_ns: int | None
     agent: str
 
 
 @dataclass(frozen=True)
-class Pause:
+class Pause(_Span):
     """An agent's processor stands still in [at, until): what comes meanwhile waits, in order."""
 
-    id: str
-    at_ns: int
-    until_ns: int | None
     agent: str
 
 
@@ -51,11 +55,7 @@ Fault = LinkFault | Kill | Pause
 
 def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], now_ns: int) -> LinkSettings:
     """The settings of a link at an instant: its own, changed by the faults in force, the later start on top."""
-    in_force = [
-        fault
-        for fault in faults
-        if link in fault.links and fault.at_ns <= now_ns and (fault.until_ns is None or now_ns < fault.until_ns)
-    ]
+    in_force = [fault for fault in faults if link in fault.links and fault.in_force(now_ns)]
     changes: dict[str, Any] = {}
     for fault in sorted(in_force, key=lambda fault: (fault.at_ns, fault.id)):
         changes.update(fault.changes)
@@ -65,7 +65,12 @@ def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], n
 _TYPE = "is"
 _KINDS: dict[str, Any] = {
     kind.__name__: kind
-    for kind in (LinkFault, Kill, Pause, Queue, FullDuplex, HalfDuplex, Aloha, Tdma, *LOSSES.values(), *LATENCIES.values())
+    for kinds in (
+        (LinkFault, Kill, Pause, Queue, FullDuplex, HalfDuplex, Aloha, Tdma),
+        LOSSES.values(),
+        LATENCIES.values(),
+    )
+    for kind in kinds
 }
 
 

@@ -1,5 +1,8 @@
-"""Key expressions of a run: volery/<run>/link/<src>/<dst>, …/control/<agent>/<incarnation>, …/telemetry/<agent>,
-…/alive/<agent>/<incarnation>, …/supervisor."""
+"""Key expressions of a run.
+
+volery/<run>/link/<src>/<dst>, …/control/<agent>/<incarnation>, …/telemetry/<agent>, …/alive/<agent>/<incarnation>,
+…/supervisor.
+"""
 
 from __future__ import annotations
 

@@ -19,6 +19,8 @@ from .losses import Loss, StreamOf
 from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Medium, Transceiver
 
 NANOSECONDS = 1_000_000_000
+SHORTEST_TRAVEL_NS = 1
+"""No frame is due at the instant at which it starts: what is handled at one instant causes nothing at that instant."""
 DELIVERED, CUT, HALF_DUPLEX, LOST = "delivered", "cut", "half-duplex", "loss"
 
 
@@ -48,7 +50,7 @@ class LinkSettings:
     overhead: Bytes = 0
     bits_per_byte: int = 8
     mtu: Bytes = 1500
-    queue: Queue = Queue()  # noqa: RUF009 - frozen
+    queue: Queue = Queue()
     loss: tuple[Loss, ...] = ()
     latency: Latency = Constant(0)  # noqa: RUF009 - frozen
     cut: bool = False
@@ -65,10 +67,11 @@ class LinkSettings:
         if self.rate is None:
             return 0
         bits = (payload_bytes + self.overhead) * self.bits_per_byte
-        return -(-bits * NANOSECONDS // Fraction(self.rate)) if self.rate % 1 else -(-bits * NANOSECONDS // int(self.rate))
+        rate = Fraction(self.rate) if self.rate % 1 else int(self.rate)
+        return -(-bits * NANOSECONDS // rate)
 
     def lookahead_ns(self) -> int:
-        """No frame arrives sooner after its start: airtime of an empty payload and the shortest latency."""
+        """The least that these settings ask for from start to due: airtime of an empty payload and shortest latency."""
         return self.airtime_ns(0) + self.latency.minimum_ns
 
 
@@ -97,7 +100,17 @@ class Sender:
     `incarnation` counts the restarts of the source; a restarted agent draws from streams of its own.
     """
 
-    __slots__ = ("_free_at", "_latency", "_losses", "_slot", "_stream_of", "_waiting", "sequence", "settings", "transceiver")
+    __slots__ = (
+        "_free_at",
+        "_latency",
+        "_losses",
+        "_slot",
+        "_stream_of",
+        "_waiting",
+        "sequence",
+        "settings",
+        "transceiver",
+    )
 
     def __init__(self, seed: int, source: str, target: str, incarnation: int, settings: LinkSettings) -> None:
         self._stream_of: StreamOf = lambda purpose: stream(seed, purpose, source, target, str(incarnation))
@@ -178,7 +191,7 @@ class Sender:
         lost = False
         for stage in self._losses:
             lost |= stage.lost(sequence)
-        due = end + self._latency(sequence)
+        due = max(end + self._latency(sequence), now_ns + SHORTEST_TRAVEL_NS)
         verdict = CUT if settings.cut else LOST if lost else DELIVERED
         return Transmission(sequence, payload, now_ns, airtime, due, verdict)
 

@@ -18,7 +18,7 @@ from ..units import Hertz, Nanoseconds, period_ns
 class Aloha:
     """Send as soon as the transmitter is free."""
 
-    def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:  # noqa: ARG002
+    def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
         """At once."""
         return ready_ns
 
@@ -52,8 +52,8 @@ class Tdma:
         """
         if airtime_ns > self.usable_ns(slots):
             raise BadInput(
-                f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a tdma slot of {self.usable_ns(slots) / 1e6:.3f} ms: "
-                "send less, or make the cycle longer"
+                f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a tdma slot of "
+                f"{self.usable_ns(slots) / 1e6:.3f} ms: send less, or make the cycle longer"
             )
         cycle = int(ready_ns * self.cycle / 1e9)
         while True:
@@ -78,7 +78,7 @@ class HalfDuplex:
     """One transceiver pair per edge, like the infrared side of a flying-array module."""
 
     per: Literal["edge"] = "edge"
-    access: Access = Aloha()  # noqa: RUF009 - frozen
+    access: Access = Aloha()
 
 
 Medium = FullDuplex | HalfDuplex

@@ -14,7 +14,7 @@ from ..errors import RunFailed
 from .events import FOREVER_NS
 from .faults import LinkFault, LinkName, effective
 from .frames import Frame
-from .links import LinkSettings
+from .links import SHORTEST_TRAVEL_NS, LinkSettings
 
 Segment = tuple[int, int, int]
 """From, until, and the lookahead of a link meanwhile, in nanoseconds."""
@@ -30,7 +30,7 @@ def lookahead_segments(base: LinkSettings, link: LinkName, faults: Iterable[Link
     ends = (end for fault in touching for end in (fault.at_ns, fault.until_ns) if end is not None)
     starts = sorted({0, *ends})
     return tuple(
-        (start, end, effective(base, link, touching, start).lookahead_ns())
+        (start, end, max(SHORTEST_TRAVEL_NS, effective(base, link, touching, start).lookahead_ns()))
         for start, end in zip(starts, [*starts[1:], 2 * FOREVER_NS], strict=True)
     )
 

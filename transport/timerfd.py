@@ -1,4 +1,4 @@
-"""A one-shot timer on the monotonic clock that wakes an asyncio loop: Linux timerfd, finer than the loop's own timers."""
+"""A one-shot timer on the monotonic clock that wakes an asyncio loop: Linux timerfd, finer than the loop's own."""
 
 from __future__ import annotations
 

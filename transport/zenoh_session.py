@@ -43,7 +43,8 @@ def _config(mode: str, **settings: Any) -> zenoh.Config:
         "scouting__multicast__enabled": False,
         "scouting__gossip__enabled": False,
         "scouting__delay": 0,
-        "transport__shared_memory__enabled": False,  # frames are small, and a killed process would leave its pool behind
+        # frames are small, and a killed process would leave its pool behind
+        "transport__shared_memory__enabled": False,
         "transport__link__tx__lease": _LEASE_MS,
         "transport__link__tx__queue__size__data": LINK_QUEUE_BATCHES,
         "transport__link__tx__queue__congestion_control__drop__wait_before_drop": _WAIT_BEFORE_DROP_US,
@@ -76,7 +77,9 @@ def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) ->
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
-        raise BadInput(f"cannot listen at {listen}: is the port in use? Choose another with --listen ({error})") from error
+        raise BadInput(
+            f"cannot listen at {listen}: is the port in use? Choose another with --listen ({error})"
+        ) from error
     for reply in session.get(f"@/{session.zid()}/router", timeout=_ADMIN_TIMEOUT_S):
         if reply.ok is not None:
             locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]

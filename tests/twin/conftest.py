@@ -1,0 +1,196 @@
+"""Agents that talk, plans of them, and one way to run a plan in the twin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from volery.agents.agent import Agent, Received, Sample, Timer
+from volery.agents.plan import AgentPlan, Plan, World
+from volery.experiments.record import Collector, Record
+from volery.experiments.twin import Twin
+from volery.transport.faults import Fault
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings
+from volery.units import period_ns
+
+MS = 1_000_000
+PlanOf = Callable[..., Plan]
+Run = Callable[[Plan], Record]
+
+_LONGEST = 40
+
+
+@dataclass(frozen=True)
+class TalkerParameters:
+    """How often an agent talks, in Hz, and how late in its period, in nanoseconds."""
+
+    rate: float = 40.0
+    phase_ns: int = 0
+
+
+class Talker(Agent):
+    """Keeps a sum that depends on everything that it saw and on the order, and tells it in frames of changing length."""
+
+    Parameters = TalkerParameters
+    timers_only = True
+    parameters: TalkerParameters
+
+    def start(self) -> None:
+        """Begin with a number of its own."""
+        self.sum = crc32(self.context.name.encode())
+        self._lengths = self.context.random("lengths")
+        self._told = 0
+        self._set(int(self.context.now_ns * self.parameters.rate / 1e9) + 1)
+
+    def _set(self, count: int) -> None:
+        time_ns = period_ns(self.parameters.rate, count) + self.parameters.phase_ns
+        self.context.set_timer(time_ns, index=count)
+
+    def note(self, *seen: object) -> None:
+        """Take something in."""
+        self.sum = crc32(repr((self.sum, seen)).encode())
+
+    def tell(self, target: str) -> None:
+        """Send the sum, padded."""
+        length = 4 + int((_LONGEST - 3) * self._lengths.uniform(self._told))
+        self._told += 1
+        self.context.send(target, self.sum.to_bytes(4, "little").ljust(length, b"."), stream=f"s{self._told % 2}")
+
+    def on_sample(self, sample: Sample) -> None:
+        """Note it, and tell one neighbour now and then."""
+        self.note(sample.sensor, sample.index, sample.time_ns, None if sample.value is None else sample.value.tolist())
+        if sample.index % 3 == 0:
+            self.tell(self.context.neighbours[sample.index % len(self.context.neighbours)])
+
+    def on_timer(self, timer: Timer) -> None:
+        """Report, and tell everybody."""
+        self.note(timer.index)
+        self.context.report("sum", [float(self.sum)], timer.index)
+        for neighbour in self.context.neighbours:
+            self.tell(neighbour)
+        self._set(timer.index + 1)
+
+    def on_frame(self, frame: Received) -> None:
+        """Note who told what, and when."""
+        self.note(frame.source, frame.payload, frame.time_ns)
+
+
+class Answerer(Talker):
+    """A talker that answers: at once to most frames, after a while to the rest."""
+
+    timers_only = False
+
+    def on_frame(self, frame: Received) -> None:
+        """Note it and answer, unless the sum says that it is enough."""
+        super().on_frame(frame)
+        self.context.report("sum", [float(self.sum)], -1)
+        if self.sum % 8 < 4:
+            self.tell(frame.source)
+        elif self.sum % 8 == 4:
+            self.context.set_timer(self.context.now_ns + 1_700_000, frame.source)
+
+    def on_timer(self, timer: Timer) -> None:
+        """The answer of before, or the usual."""
+        if timer.name:
+            self.tell(timer.name)
+        else:
+            super().on_timer(timer)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A world with one sensor; it sees its own count, and nothing every fifth time."""
+
+    rate: float = 50.0
+
+    def sensors(self, agent: str) -> Mapping[str, float]:
+        """One for each agent."""
+        return {"probe": self.rate}
+
+    def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
+        """The count."""
+        return None if index % 5 == 4 else np.array([float(index)])
+
+    def truth(self, time_ns: int) -> NDArray[np.float64]:
+        """Nothing true here."""
+        return np.zeros(1)
+
+
+def kind_of(agent: type[Agent]) -> str:
+    """How a plan names a class of these tests."""
+    return f"{agent.__module__}:{agent.__qualname__}"
+
+
+def _plan(  # noqa: PLR0913 - what a plan has
+    edges: Sequence[tuple[str, str]],
+    kind: type[Agent] = Talker,
+    settings: LinkSettings | Mapping[tuple[str, str], LinkSettings] | None = None,
+    faults: Sequence[Fault] = (),
+    duration_ms: int = 300,
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    compute_ns: int = MS,
+    seed: int = 7,
+    world: World | None = None,
+) -> Plan:
+    pairs = [link for a, b in edges for link in ((a, b), (b, a))]
+    common = LinkSettings(latency=Constant(5 * MS)) if settings is None else settings
+    links = {link: common if isinstance(common, LinkSettings) else common[link] for link in pairs}
+    names = sorted({source for source, _ in pairs}, key=int)
+    near = {name: tuple(sorted((b for a, b in pairs if a == name), key=int)) for name in names}
+    degrees = {name: len(others) for name, others in near.items()}
+    default = TalkerParameters() if issubclass(kind, Talker) else None
+    agents = tuple(
+        AgentPlan(name, kind_of(kind), (parameters or {}).get(name, default), near[name], degrees, None, compute_ns)
+        for name in names
+    )
+    return Plan("talk", seed, duration_ms * MS, agents, links, world, tuple(faults))
+
+
+@pytest.fixture(name="plan_of")
+def plan_of_fixture() -> PlanOf:
+    """Make a plan: `plan_of(edges, kind, settings, faults, duration_ms, parameters=…, compute_ns=…, seed=…, world=…)`."""
+    return _plan
+
+
+@pytest.fixture
+def twin_run() -> Run:
+    """Run a plan in the twin and give its record."""
+
+    def run(plan: Plan) -> Record:
+        collector = Collector()
+        Twin(plan, collector).run()
+        return collector.record(plan)
+
+    return run
+
+
+@pytest.fixture
+def talker() -> type[Agent]:
+    """An agent that talks on timers and samples only."""
+    return Talker
+
+
+@pytest.fixture
+def answerer() -> type[Agent]:
+    """An agent that answers the frames that it gets."""
+    return Answerer
+
+
+@pytest.fixture
+def probe() -> World:
+    """A world with one sensor for each agent."""
+    return Probe()
+
+
+@pytest.fixture
+def parameters_of() -> Callable[..., TalkerParameters]:
+    """Make the parameters of a talker."""
+    return TalkerParameters
