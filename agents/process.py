@@ -92,7 +92,7 @@ class _Shell:
             self._token = session.liveliness().declare_token(keys.alive(it.name, it.incarnation))
             await self._flush_until_stopped()
         finally:
-            session.close()
+            session.close()  # type: ignore[no-untyped-call]
         if self._killed:
             os.kill(os.getpid(), signal.SIGKILL)
         if self._crashed:
@@ -131,7 +131,7 @@ class _Shell:
     def _ordered(self, queries: list[zs.Query]) -> None:
         for query in queries:
             with query:
-                order = msgpack.unpackb(query.payload.to_bytes())
+                order = msgpack.unpackb(zs.asked(query))
                 answer = self._obey(order.pop("do"), **order)
                 query.reply(self._control, msgpack.packb(answer))
 
@@ -165,11 +165,11 @@ class _Shell:
         """The run ends earlier than planned, at an instant that is still to come."""
         return self._pacer.end_at(instant_ns)
 
-    def _stop(self) -> list[dict[str, Any]]:
-        """The last entries; the process ends."""
+    def _stop(self) -> int:
+        """The process ends; the number of its last batch, which is on its way then."""
         self._finish()
         self._stopped.set()
-        return [self._take()] if self._node is not None and self._node.journal else []
+        return 0 if self._node is None else self._batches + 1
 
     # -- what goes out ------------------------------------------------------------------------------------------
 

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..agents.registry import find
 from ..errors import BadInput
-from ..transport.faults import Fault, Kill, LinkFault, Pause, to_plain
+from ..transport.faults import Fault, Kill, LinkFault, Pause, effective, to_plain
+from .fitting import settings_problems
 from .swarm import Swarm
 from .timeline import parse_fault
 from .twin import RecordSink
@@ -25,10 +27,11 @@ class Injector:
         self._faults = swarm.live_faults
         self._faults.update({fault.id: fault for fault in swarm.plan.faults})
         self._count = 0
+        self._newest_ns = 0
 
     def in_force(self) -> dict[str, Fault]:
-        """The faults that hold now, those of the timeline included."""
-        now = self._swarm.now_ns()
+        """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
+        now = max(self._swarm.now_ns(), self._newest_ns)
         return {
             name: fault
             for name, fault in self._faults.items()
@@ -47,6 +50,7 @@ class Injector:
         self._count += 1
         fault = await self._arm(drafted)
         self._faults[name] = fault
+        self._newest_ns = fault.at_ns
         if isinstance(fault, Kill) and fault.until_ns is not None:
             self._swarm.restart_later(fault)
         end = "until cleared" if fault.until_ns is None else f"until {fault.until_ns / 1e9:.3f} s"
@@ -54,6 +58,7 @@ class Injector:
 
     def _check(self, fault: Fault) -> None:
         if isinstance(fault, LinkFault):
+            self._check_fit(fault)
             if fault.changes == {"cut": True} and (cut := self._already_cut(fault)):
                 raise BadInput(f"already cut: {', '.join('>'.join(link) for link in cut)}; nothing was changed")
             return
@@ -65,6 +70,17 @@ class Injector:
             isinstance(other, Pause) and other.agent == fault.agent for other in self.in_force().values()
         ):
             raise BadInput(f"agent {fault.agent} is paused already")
+
+    def _check_fit(self, fault: LinkFault) -> None:
+        """Refuse settings under which an agent's frames would not fit the link any more."""
+        plan = self._swarm.plan
+        present = [other for other in self.in_force().values() if isinstance(other, LinkFault)]
+        for link in fault.links:
+            sender = plan.agent(link[0])
+            payload = find(sender.kind).largest_payload(sender.parameters)
+            settings = replace(effective(plan.links[link], link, present, self._swarm.now_ns()), **fault.changes)
+            for field, text in settings_problems(settings, payload, sender.compute_ns):
+                raise BadInput(f"{field} on {'>'.join(link)}: {text}")
 
     def _already_cut(self, fault: LinkFault) -> list[tuple[str, str]]:
         cut = {
@@ -152,6 +168,8 @@ class Injector:
             until_ns = swarm.ahead_ns(_AHEAD_S)
             ended: Fault = replace(fault, until_ns=until_ns)
             await swarm.revive(key, until_ns)
+            if swarm.now_ns() > until_ns:
+                self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
         elif swarm.pace == "lockstep":
             until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
             ended = replace(fault, until_ns=until_ns)
@@ -163,4 +181,5 @@ class Injector:
             if not await self._tell(ended, until_ns):
                 self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
         self._faults[fault.id] = ended
+        self._newest_ns = until_ns
         self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})

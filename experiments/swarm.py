@@ -6,10 +6,11 @@ Frames go from agent to agent through the hub's router; no Python of the supervi
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 from dataclasses import dataclass, field
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -23,7 +24,7 @@ from ..agents.process import Assignment, Pace
 from ..errors import RunFailed
 from ..transport import zenoh_session as zs
 from ..transport.access import access_control
-from ..transport.faults import Kill
+from ..transport.faults import Fault, Kill, to_plain
 from ..transport.keys import OPERATOR, Keys
 from .spawning import prepare, spawn
 from .status import Status
@@ -36,6 +37,7 @@ _HEAD_START_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
 _STANDBY_S = 2.0
 _OVERDUE_S = 20.0
+_LOOK_AGAIN_S = 0.02
 _TELEMETRY_LIMIT = 1_000_000
 
 
@@ -109,6 +111,7 @@ class Swarm:
             passwords.write_text("".join(f"{user}:{word}\n" for user, word in self.passwords.items()), encoding="ascii")
             control = access_control(self._keys, {agent.name: agent.neighbours for agent in self.plan.agents})
             self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
+        told = False
         try:
             telemetry = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._heard)
             tokens = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._token_changed)
@@ -117,11 +120,13 @@ class Swarm:
             await self._start()
             await self._over.wait()
             await self._finish()
+            told = True
             del hearing, watching
         finally:
             for task in self._tasks:
                 task.cancel()
-            await self._end_processes()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+            await self._end_processes(told=told)
             await asyncio.to_thread(self.session.close)  # type: ignore[no-untyped-call]
         return Ending(tuple(self._problems), time.monotonic() - began)
 
@@ -174,7 +179,7 @@ class Swarm:
     def now_ns(self) -> int:
         """Nominal time: by the clock in realtime pace, else as last told by the agents."""
         if self.pace == "realtime":
-            return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
+            return max(0, int((time.monotonic_ns() - self._epoch_ns) * self._speed))
         return self.status.time_ns
 
     def ahead_ns(self, wall_s: float) -> int:
@@ -195,6 +200,11 @@ class Swarm:
     def current(self, name: str) -> tuple[str, int]:
         """The newest incarnation of an agent."""
         return name, max(incarnation for agent, incarnation in self._members if agent == name)
+
+    def pids(self) -> dict[str, int]:
+        """Process of each agent's newest incarnation."""
+        newest = {name: self._members[self.current(name)].process.pid for name, _ in self._members}
+        return {name: pid for name, pid in newest.items() if pid is not None}
 
     def is_alive(self, name: str) -> bool:
         """Whether the agent's newest process lives."""
@@ -314,21 +324,28 @@ class Swarm:
     # -- ending -------------------------------------------------------------------------------------------------
 
     async def _finish(self) -> None:
-        answers = await self.order({"do": "stop"})
-        for batches in answers.values():
-            for data in batches:
-                self._take(data)
+        """Let the agents go, once their last batches are here."""
+        last = await self.order({"do": "stop"})
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LEAVE_TIMEOUT_S):
+                while any(self._members[key].batches < number for key, number in last.items()):
+                    await asyncio.sleep(_LOOK_AGAIN_S)
+        for key, number in last.items():
+            if self._members[key].batches < number:
+                self._problems.append(f"agent {key[0]}: its last journal batch was lost on the way")
         self._sink.event({"event": "finished", "time_ns": self._end_ns})
 
-    async def _end_processes(self) -> None:
-        for member in self._members.values():
-            try:
-                async with asyncio.timeout(_LEAVE_TIMEOUT_S):
+    async def _end_processes(self, *, told: bool) -> None:
+        """Wait for the processes that were told to stop; end the others, and those that take too long."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LEAVE_TIMEOUT_S if told else 0):
+                for member in list(self._members.values()):
                     await member.ended.wait()
-            except TimeoutError:
+        for member in self._members.values():
+            if not member.ended.is_set():
+                self._loop.remove_reader(member.process.sentinel)
                 member.process.kill()
                 await asyncio.to_thread(member.process.join)
-                self._loop.remove_reader(member.process.sentinel)
 
 
 async def _first(*events: asyncio.Event) -> None:

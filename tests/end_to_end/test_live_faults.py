@@ -1,0 +1,106 @@
+"""Faults injected while a swarm runs: one instant for all, recorded, and the run still equals its twin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from volery.agents.plan import Plan
+from volery.errors import BadInput
+from volery.experiments.accounting import account
+from volery.experiments.live import Injector
+from volery.experiments.swarm import Swarm
+from volery.experiments.verify import compare, replay
+
+from .conftest import run_swarm, until
+
+PlanOf = Callable[..., Plan]
+
+
+def test_live_link_faults_and_pauses_in_lockstep(plan_of: PlanOf) -> None:
+    """Cut, restore, loss, latency, rate, pause, clear and an early stop, all live: the replay equals the record."""
+    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
+
+    async def meddle(swarm: Swarm, injector: Injector) -> None:
+        for number, written in enumerate(
+            [
+                {"cut": "4-7"},
+                {"where": "all", "set": {"loss": {"bernoulli": 0.5}}, "for": "500 ms"},
+                {"where": "1-3", "set": {"latency": "1 ms", "rate": "230.4 kbit/s"}},
+                {"pause": "5"},
+            ],
+            start=1,
+        ):
+            await injector.inject(written)
+            await until(lambda number=number: swarm.status.time_ns > number * 300_000_000)  # type: ignore[misc]
+        await injector.restore({"cut": "4-7"})
+        with pytest.raises(BadInput, match="none of these links is cut"):
+            await injector.restore({"cut": "4-7"})
+        await injector.clear([])
+        assert injector.in_force() == {}
+        reached = swarm.status.time_ns
+        await until(lambda: swarm.status.time_ns > reached + 300_000_000)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", meddle)
+    assert ending.problems == ()
+    assert [event["fault"]["id"] for event in record.events if event["event"] == "fault"] == ["f1", "f2", "f3", "f4"]
+    assert sorted(event["id"] for event in record.events if event["event"] == "cleared") == ["f1", "f3", "f4"]
+    assert not [event for event in record.events if event["event"] == "late-fault"]
+    assert record.end_ns is not None
+    assert record.end_ns < plan.duration_ns
+    lost = {link: account.lost for link, account in account(record).items()}
+    assert lost["4", "7"]["cut"] > 0
+    assert all(link.closes for link in account(record).values())
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_kill_and_restart_in_realtime(plan_of: PlanOf) -> None:
+    """A live kill ends the process; a restart brings the agent back without its state, and it estimates again."""
+    plan = plan_of("dfa16-lossy", "duration=60 s", "faults=[]")
+
+    async def kill(swarm: Swarm, injector: Injector) -> None:
+        first = swarm.pids()["5"]
+        await injector.inject({"kill": "5"})
+        await until(lambda: not swarm.is_alive("5"))
+        with pytest.raises(BadInput, match="not alive"):
+            await injector.inject({"pause": "5"})
+        await injector.restart("5")
+        assert swarm.pids()["5"] != first
+        reached = swarm.now_ns()
+        await until(lambda: swarm.status.time_ns > reached + 1_000_000_000)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "realtime", kill)
+    assert ending.problems == ()
+    assert {"died", "restarted", "cleared"} <= {event["event"] for event in record.events}
+    assert [event["cause"] for event in record.events if event["event"] == "died"] == ["injected"]
+    assert record.batches["5", 1].estimates
+    restarted = next(event["time_ns"] for event in record.events if event["event"] == "restarted")
+    assert min(estimate.time_ns for estimate in record.batches["5", 1].estimates) > restarted
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        ({"cut": "1-99"}, "99"),
+        ({"kill": "99"}, "99"),
+        ({"where": "all", "set": {"loss": {"bernoulli": 1.5}}}, "between 0 and 1"),
+        ({"where": "all", "set": {"rate": "1 kbit/s"}}, "does not fit a tdma slot"),
+        ({"kill": "5"}, "realtime"),
+    ],
+)
+def test_a_live_fault_that_makes_no_sense_is_refused(plan_of: PlanOf, written: dict[str, object], message: str) -> None:
+    """Nothing is armed, the message says what is wrong, and the run goes on."""
+    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
+
+    async def ask(swarm: Swarm, injector: Injector) -> None:
+        with pytest.raises(BadInput, match=message):
+            await injector.inject(written)
+        assert injector.in_force() == {}
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", ask)
+    assert ending.problems == ()
+    assert not [event for event in record.events if event["event"] == "fault"]

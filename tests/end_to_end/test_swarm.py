@@ -1,0 +1,176 @@
+"""A swarm is what it says: processes of their own, neighbours only, equal to its twin to the last bit."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from volery.agents.agent import NoParameters
+from volery.agents.plan import AgentPlan, Plan
+from volery.errors import BadInput, RunFailed
+from volery.experiments.accounting import account, total
+from volery.experiments.live import Injector
+from volery.experiments.record import Record
+from volery.experiments.swarm import Swarm
+from volery.experiments.verify import compare, replay
+from volery.transport import zenoh_session as zs
+from volery.transport.keys import Keys
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings
+
+from .conftest import run_swarm, until
+
+PlanOf = Callable[..., Plan]
+BURN_S = 60
+
+
+def departures(record: Record) -> list[str]:
+    """Where a record and its replay in the twin differ, bit for bit."""
+    return [departure.what for departure in compare(record, replay(record), 0.0)]
+
+
+def line_plan(duration_s: int) -> Plan:
+    """Three agents in a line, 1–2–3, that keep silent."""
+    near = {"1": ("2",), "2": ("1", "3"), "3": ("2",)}
+    degrees = {name: len(others) for name, others in near.items()}
+    links = {(name, other): LinkSettings(latency=Constant(1_000_000)) for name, others in near.items() for other in others}
+    agents = tuple(
+        AgentPlan(name, "volery.agents.agent:Agent", NoParameters(), others, degrees) for name, others in near.items()
+    )
+    return Plan("line", 1, duration_s * 1_000_000_000, agents, links)
+
+
+def check_accounts(record: Record) -> None:
+    """Every frame on every link has exactly one story."""
+    accounts = account(record)
+    assert set(accounts) == set(record.plan.links)
+    assert all(link.closes for link in accounts.values()), total(accounts.values())
+
+
+@pytest.fixture
+def busy_cores() -> Iterator[None]:
+    """Both cores at work on something else."""
+    burn = f"import time\nend = time.monotonic() + {BURN_S}\nwhile time.monotonic() < end: pass"
+    burners = [subprocess.Popen([sys.executable, "-c", burn]) for _ in range(2)]
+    yield
+    for burner in burners:
+        burner.kill()
+        burner.wait()
+
+
+def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
+    """Sixteen processes over Zenoh give the twin's estimates and frame fates, bit for bit, and every frame is accounted for."""
+    record, ending = run_swarm(plan_of("dfa16-lossy", "duration=2 s", "faults=[{at: 1 s, until: 1.5 s, cut: 4-7}]"))
+    assert ending.problems == ()
+    assert len(record.estimates("estimate")) == 16
+    assert departures(record) == []
+    check_accounts(record)
+
+
+@pytest.mark.usefixtures("busy_cores")
+def test_lockstep_equals_the_twin_on_a_busy_machine(plan_of: PlanOf) -> None:
+    """Work on both cores changes how long a lockstep run takes, and nothing else."""
+    record, ending = run_swarm(plan_of("dfa16-lossy", "duration=1 s", "faults=[]"))
+    assert ending.problems == ()
+    assert departures(record) == []
+
+
+def test_agents_are_processes_and_only_edges_carry_frames(plan_of: PlanOf) -> None:
+    """While it runs there are sixteen processes, and the link keys in use are the directed edges of the graph."""
+    plan = plan_of("dfa16-lossy", "duration=2 s", "faults=[]")
+    seen: set[tuple[str, str]] = set()
+    alive: list[int] = []
+
+    async def look(swarm: Swarm, _: Injector) -> None:
+        everything = Keys("test").link("*", "*")
+        spy = swarm.session.declare_subscriber(
+            everything, lambda sample: seen.add(tuple(str(sample.key_expr).rsplit("/", 2)[1:]))  # type: ignore[arg-type]
+        )
+        alive.extend(pid for pid in swarm.pids().values() if Path(f"/proc/{pid}").exists())
+        await until(lambda: swarm.status.time_ns > plan.duration_ns // 2)
+        spy.undeclare()
+
+    run_swarm(plan, meanwhile=look)
+    assert len(set(alive)) == 16
+    assert os.getpid() not in alive
+    assert seen == set(plan.links)
+
+
+def test_strangers_get_nothing_through() -> None:
+    """A client without credentials is turned away; an agent's credentials reach its neighbours' keys and no others."""
+    seen: list[str] = []
+
+    async def intrude(swarm: Swarm, _: Injector) -> None:
+        keys = Keys("test")
+        spy = swarm.session.declare_subscriber(keys.link("*", "*"), lambda sample: seen.append(str(sample.key_expr)))
+        with pytest.raises(RunFailed, match="cannot join"):
+            await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("nobody", "guessed"))
+        session = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("1", swarm.passwords["1"]))
+        other = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("3", swarm.passwords["3"]))
+        overheard: list[str] = []
+        ear = other.declare_subscriber("**", lambda sample: overheard.append(str(sample.key_expr)))
+        for target in ("3", "2"):
+            session.put(keys.link("1", target), b"not a frame")
+        session.put(keys.link("2", "3"), b"forged")
+        await until(lambda: keys.link("1", "2") in seen)
+        ear.undeclare()
+        other.close()
+        session.close()
+        spy.undeclare()
+        assert overheard == []
+        await swarm.stop()
+
+    run_swarm(line_plan(60), "realtime", intrude)
+    assert seen == [Keys("test").link("1", "2")]
+
+
+def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
+    """kill -9 on one process: the run goes on to its end, and says who died and when."""
+    plan = plan_of("dfa16-lossy", "duration=3 s", "faults=[]")
+
+    async def kill(swarm: Swarm, _: Injector) -> None:
+        await until(lambda: swarm.status.time_ns > 1_000_000_000)
+        os.kill(swarm.pids()["5"], signal.SIGKILL)
+
+    record, ending = run_swarm(plan, "realtime", kill)
+    assert ending.problems == ()
+    died = [event for event in record.events if event["event"] == "died"]
+    assert [(event["agent"], event["cause"]) for event in died] == [("5", "was killed from outside")]
+    assert 1_000_000_000 <= died[0]["time_ns"] < 3_000_000_000
+    last = {agent: series.sample[-1] for agent, series in record.estimates("estimate").items()}
+    assert last["5"] < 58
+    assert all(sample == 58 for agent, sample in last.items() if agent != "5")
+
+
+def test_a_lockstep_run_ends_when_an_agent_is_killed(plan_of: PlanOf) -> None:
+    """Without the promises of a dead agent nobody may go on: the run ends, failed, and names the agent."""
+    plan = plan_of("dfa16-lossy", "duration=60 s", "faults=[]")
+
+    async def kill(swarm: Swarm, _: Injector) -> None:
+        os.kill(swarm.pids()["5"], signal.SIGKILL)
+
+    _, ending = run_swarm(plan, "lockstep", kill)
+    assert len(ending.problems) == 1
+    assert ending.problems[0].startswith("agent 5 was killed from outside")
+
+
+def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
+    """An endpoint that is in use is refused, with the remedy."""
+    plan = plan_of("dfa16-lossy", "duration=20 s", "faults=[]")
+
+    async def try_the_same(swarm: Swarm, _: Injector) -> None:
+        from volery.experiments.record import Collector
+
+        with pytest.raises(BadInput, match="--listen"):
+            await Swarm(plan, Collector(), "second", listen=swarm.endpoint).run()
+        await swarm.stop()
+
+    _, ending = run_swarm(plan, meanwhile=try_the_same)
+    assert ending.problems == ()
