@@ -91,6 +91,8 @@ class DfaModule(Agent):
         if number < self.parameters.rounds:
             self._open = (sample % COUNTS, number)
             self._tell(self._open)
+        else:
+            self._open = ((sample + 1) % COUNTS, 0)
 
     def _end_round(self, sample: int, number: int, tag: Tag) -> None:
         """Use what was heard for this round; report after the last round of a sample, on request after each."""

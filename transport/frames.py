@@ -66,7 +66,10 @@ def decode(data: bytes) -> Frame:
     body = data[_HEAD:]
     if zlib.crc32(body) != int.from_bytes(data[1:_HEAD], "little"):
         raise DamagedFrame(f"frame of {len(data)} bytes: the checksum does not fit")
-    fields = msgpack.unpackb(body)
+    try:
+        fields = msgpack.unpackb(body)
+    except (ValueError, msgpack.UnpackException) as error:
+        raise DamagedFrame(f"frame of {len(data)} bytes: not MessagePack ({error})") from error
     if not isinstance(fields, list) or len(fields) != _FIELDS:
         raise DamagedFrame(f"frame of {len(data)} bytes: not {_FIELDS} fields")
     return Frame(*fields)

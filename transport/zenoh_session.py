@@ -112,6 +112,11 @@ def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
     return session.declare_publisher(key, express=False, congestion_control=zenoh.CongestionControl.DROP)
 
 
+def asked(query: Query) -> bytes:
+    """What a query carries; empty where it carries nothing."""
+    return b"" if query.payload is None else query.payload.to_bytes()
+
+
 class Inbox:
     """What Zenoh's threads hand in, taken out by the loop in batches with one wake-up each."""
 
