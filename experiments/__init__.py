@@ -1,1 +1,1 @@
-"""Scenarios, runs and what is made of them: the supervisor, the record, verification, metrics, figures, command line."""
+"""Scenarios, runs and what is made of them: supervisor, record, verification, metrics, figures, command line."""

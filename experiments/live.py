@@ -1,4 +1,4 @@
-"""Faults injected while a swarm runs: armed everywhere before they take effect, at one nominal instant, and recorded."""
+"""Faults injected while a swarm runs: armed everywhere beforehand, in effect at one nominal instant, and recorded."""
 
 from __future__ import annotations
 

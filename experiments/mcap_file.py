@@ -160,9 +160,9 @@ def _copy(walk: _Walk, writer: Writer) -> int:
                 channel = channels[record.channel_id]
                 writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
                 count += 1
-        writer.flush()  # type: ignore[no-untyped-call]
+        writer.flush()
     writer.add_metadata(RECOVERED, {"damage": walk.damage})
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     return count
 
 

@@ -1,4 +1,4 @@
-"""The operator's line to a running swarm: what `volery status`, `fault` and `stop` say to the supervisor, and its answers.
+"""The operator's line to a running swarm: what `volery status`, `fault` and `stop` ask, and the supervisor's answers.
 
 A running swarm leaves `control.json` in its run folder, readable by its owner only: endpoint and password.
 """
@@ -39,14 +39,16 @@ class Desk:
         inbox = zs.Inbox(asyncio.get_running_loop(), _LIMIT, self._queue)
         serving = self._swarm.session.declare_queryable(keys.supervisor(), inbox.push)
         control = folder / CONTROL_FILE
-        control.touch(mode=0o600)
         password = self._swarm.passwords[OPERATOR]
-        control.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
+        partial = control.with_suffix(".partial")
+        partial.touch(mode=0o600)
+        partial.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
+        partial.replace(control)
         try:
             while True:
                 query = await self._requests.get()
                 with query:
-                    query.reply(query.key_expr, msgpack.packb(await self._answer(query.payload.to_bytes())))
+                    query.reply(query.key_expr, msgpack.packb(await self._answer(zs.asked(query))))
         finally:
             control.unlink(missing_ok=True)
             del serving
@@ -98,7 +100,7 @@ def call(folder: Path, request: Mapping[str, Any]) -> Any:
         key = Keys(access["run"]).supervisor()
         answers = asyncio.run(zs.ask(session, key, msgpack.packb(dict(request)), _TIMEOUT_S))
     finally:
-        session.close()  # type: ignore[no-untyped-call]
+        session.close()
     if not answers:
         raise RunFailed(f"the supervisor of {folder} does not answer")
     answer = msgpack.unpackb(next(iter(answers.values())))

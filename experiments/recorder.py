@@ -81,7 +81,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
         finally:
             self._file.close()
 
@@ -104,7 +104,7 @@ class Recorder:
 
     def flush(self) -> None:
         """Bring everything so far into the file, where it survives the end of this process."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
     def _write(self, topic: str, schema: str, time_ns: int, message: dict[str, Any]) -> None:
         self._now_ns = max(self._now_ns, time_ns)

@@ -103,7 +103,9 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
 
 def _check_pace(plan: Plan, options: Options) -> None:
     if (options.engine, options.pace) == ("zenoh", "lockstep") and any(plan.kills(agent.name) for agent in plan.agents):
-        raise BadInput("this scenario kills agents, which needs realtime pace or --engine twin: a dead agent promises nothing")
+        raise BadInput(
+            "this scenario kills agents, which needs realtime pace or --engine twin: a dead agent promises nothing"
+        )
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

@@ -1,4 +1,4 @@
-"""Agent processes: forked from a server that has the heavy libraries loaded already, so that a swarm starts in seconds."""
+"""Agent processes, forked from a server that has the heavy libraries loaded already: a swarm starts in seconds."""
 
 from __future__ import annotations
 

@@ -37,7 +37,6 @@ _HEAD_START_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
 _STANDBY_S = 2.0
 _OVERDUE_S = 20.0
-_LOOK_AGAIN_S = 0.02
 _TELEMETRY_LIMIT = 1_000_000
 
 
@@ -74,13 +73,21 @@ class Swarm:
     """
 
     def __init__(
-        self, plan: Plan, sink: RecordSink, run: str, pace: Pace = "realtime", speed: float = 1.0, listen: str = "tcp/127.0.0.1:0"
+        self,
+        plan: Plan,
+        sink: RecordSink,
+        run: str,
+        pace: Pace = "realtime",
+        speed: float = 1.0,
+        listen: str = "tcp/127.0.0.1:0",
     ) -> None:
         self.plan = plan
         self.pace = pace
         self.status = Status(plan.duration_ns, len(plan.agents))
         self.endpoint = ""
-        self.passwords = {name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)}
+        self.passwords = {
+            name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)
+        }
         self.session: zs.Session
         self.live_faults: dict[str, Fault] = {}
         self.ready = asyncio.Event()
@@ -91,6 +98,7 @@ class Swarm:
         self._members: dict[tuple[str, int], _Member] = {}
         self._epoch_ns = 0
         self._over = asyncio.Event()
+        self._news = asyncio.Event()
         self._problems: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._end_ns = plan.duration_ns
@@ -127,7 +135,7 @@ class Swarm:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
             await self._end_processes(told=told)
-            await asyncio.to_thread(self.session.close)  # type: ignore[no-untyped-call]
+            await asyncio.to_thread(self.session.close)
         return Ending(tuple(self._problems), time.monotonic() - began)
 
     # -- beginning ----------------------------------------------------------------------------------------------
@@ -186,7 +194,9 @@ class Swarm:
         """The nominal instant that the wall clock reaches so much later."""
         return self.now_ns() + int(wall_s * 1e9 * self._speed)
 
-    async def order(self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*") -> dict[tuple[str, int], Any]:
+    async def order(
+        self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*"
+    ) -> dict[tuple[str, int], Any]:
         """Give an order to all agents or to one; the answers of those that are alive."""
         answers = await zs.ask(
             self.session, self._keys.control(name, incarnation), msgpack.packb(order), _ANSWER_TIMEOUT_S
@@ -264,9 +274,12 @@ class Swarm:
         number, now_ns = data.pop("number"), data.pop("now_ns")
         batch = Batch.from_dict(data)
         member = self._members[batch.agent, batch.incarnation]
+        self._news.set()
         member.batches += 1
         if number != member.batches:
-            self._problems.append(f"agent {batch.agent}: {number - member.batches} journal batches were lost on the way")
+            self._problems.append(
+                f"agent {batch.agent}: {number - member.batches} journal batches were lost on the way"
+            )
             member.batches = number
         for event in batch.events:
             if event["event"] == "done":
@@ -315,7 +328,9 @@ class Swarm:
         while self.pace == "realtime":
             overdue_s = (self.now_ns() - self._end_ns) / 1e9 / self._speed
             if overdue_s > _OVERDUE_S:
-                silent = [name for (name, _), member in self._members.items() if not (member.done or member.ended.is_set())]
+                silent = [
+                    name for (name, _), member in self._members.items() if not (member.done or member.ended.is_set())
+                ]
                 self._problems.append(f"agents {', '.join(silent)} have not ended {_OVERDUE_S:g} s after the run")
                 self._over.set()
                 return
@@ -329,7 +344,8 @@ class Swarm:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_LEAVE_TIMEOUT_S):
                 while any(self._members[key].batches < number for key, number in last.items()):
-                    await asyncio.sleep(_LOOK_AGAIN_S)
+                    self._news.clear()
+                    await self._news.wait()
         for key, number in last.items():
             if self._members[key].batches < number:
                 self._problems.append(f"agent {key[0]}: its last journal batch was lost on the way")

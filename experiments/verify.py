@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..agents.journal import Batch, Estimate
-from ..agents.plan import Plan
 from .machine import differences
 from .record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
@@ -68,19 +67,19 @@ def _duration_ns(record: Record) -> int:
 
 
 def last_heard(record: Record) -> LastHeard:
-    """(source, incarnation, target) → the last frame that a neighbour heard of an agent that was killed from outside."""
+    """(source, incarnation, target) → the last frame that a neighbour heard of an agent killed from outside."""
     outside = set() if record.end_ns is None else record.broken_off
-    last = {(agent, incarnation, target): -1 for agent, incarnation in outside for target in _neighbours(record.plan, agent)}
+    last = {
+        (agent, incarnation, target): -1
+        for agent, incarnation in outside
+        for target in record.plan.agent(agent).neighbours
+    }
     for (target, _), batch in record.batches.items():
         for heard in batch.heard:
             key = (heard.source, heard.incarnation, target)
             if key in last:
                 last[key] = max(last[key], heard.sequence)
     return last
-
-
-def _neighbours(plan: Plan, agent: str) -> tuple[str, ...]:
-    return plan.agent(agent).neighbours
 
 
 # -- comparison ---------------------------------------------------------------------------------------------------
@@ -137,7 +136,9 @@ def _heard(batch: Batch) -> dict[tuple[Any, ...], Story]:
 
 
 def _sent(batch: Batch) -> dict[tuple[Any, ...], Story]:
-    sent: dict[tuple[Any, ...], Story] = {(entry.target, entry.sequence): (entry.start_ns, entry[2:]) for entry in batch.sent}
+    sent: dict[tuple[Any, ...], Story] = {
+        (entry.target, entry.sequence): (entry.start_ns, entry[2:]) for entry in batch.sent
+    }
     dropped = {(entry.target, entry.sequence): (entry.time_ns, entry.cause) for entry in batch.dropped}
     return sent | dropped
 
@@ -197,4 +198,5 @@ def _causes(record: Record) -> Iterator[str]:
     if late:
         yield f"{len(late):,} late frames (a late frame need not be a departure):"
     for entry, (agent, _) in sorted(late, key=lambda found: found[0].due_ns):
-        yield f"  frame {entry.sequence} from {entry.source} to {agent}, due {entry.due_ns / 1e9:.6f} s, {entry.behind_ns / 1e6:.3f} ms late"
+        where = f"frame {entry.sequence} from {entry.source} to {agent}, due {entry.due_ns / 1e9:.6f} s"
+        yield f"  {where}, {entry.behind_ns / 1e6:.3f} ms late"

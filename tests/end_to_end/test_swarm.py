@@ -40,11 +40,18 @@ def line_plan(duration_s: int) -> Plan:
     """Three agents in a line, 1–2–3, that keep silent."""
     near = {"1": ("2",), "2": ("1", "3"), "3": ("2",)}
     degrees = {name: len(others) for name, others in near.items()}
-    links = {(name, other): LinkSettings(latency=Constant(1_000_000)) for name, others in near.items() for other in others}
+    links = {
+        (name, other): LinkSettings(latency=Constant(1_000_000)) for name, others in near.items() for other in others
+    }
     agents = tuple(
         AgentPlan(name, "volery.agents.agent:Agent", NoParameters(), others, degrees) for name, others in near.items()
     )
     return Plan("line", 1, duration_s * 1_000_000_000, agents, links)
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is a process of this number."""
+    return Path(f"/proc/{pid}").exists()
 
 
 def check_accounts(record: Record) -> None:
@@ -66,7 +73,7 @@ def busy_cores() -> Iterator[None]:
 
 
 def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
-    """Sixteen processes over Zenoh give the twin's estimates and frame fates, bit for bit, and every frame is accounted for."""
+    """Sixteen processes over Zenoh give the twin's estimates and fates, bit for bit; every frame is accounted for."""
     record, ending = run_swarm(plan_of("dfa16-lossy", "duration=2 s", "faults=[{at: 1 s, until: 1.5 s, cut: 4-7}]"))
     assert ending.problems == ()
     assert len(record.estimates("estimate")) == 16
@@ -91,9 +98,10 @@ def test_agents_are_processes_and_only_edges_carry_frames(plan_of: PlanOf) -> No
     async def look(swarm: Swarm, _: Injector) -> None:
         everything = Keys("test").link("*", "*")
         spy = swarm.session.declare_subscriber(
-            everything, lambda sample: seen.add(tuple(str(sample.key_expr).rsplit("/", 2)[1:]))  # type: ignore[arg-type]
+            everything,
+            lambda sample: seen.add(tuple(str(sample.key_expr).rsplit("/", 2)[1:])),  # type: ignore[arg-type]
         )
-        alive.extend(pid for pid in swarm.pids().values() if Path(f"/proc/{pid}").exists())
+        alive.extend(pid for pid in swarm.pids().values() if is_running(pid))
         await until(lambda: swarm.status.time_ns > plan.duration_ns // 2)
         spy.undeclare()
 
@@ -132,7 +140,7 @@ def test_strangers_get_nothing_through() -> None:
 
 
 def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
-    """kill -9 on one process: the run goes on to its end, and says who died and when."""
+    """A kill -9 of one process: the run goes on to its end, and says who died and when."""
     plan = plan_of("dfa16-lossy", "duration=3 s", "faults=[]")
 
     async def kill(swarm: Swarm, _: Injector) -> None:
