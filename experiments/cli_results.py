@@ -1,0 +1,105 @@
+"""Commands about runs that are over: metrics, plot, export, verify, recover."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import BadInput
+from .cli_folders import finished_run
+from .cli_output import output, print_plain
+from .cli_parameters import RUNS, RunName, RunsFolder
+from .export import FORMATS, export
+from .figures import FIGURES, plot
+from .mcap_file import recover
+from .metrics import write_metrics
+from .tables import metrics_tables
+from .verify import verify
+
+_THRESHOLD = "Error below which a run counts as converged, in the agents' units; by default twice its steady state."
+More = Annotated[str, Parameter(help="Further runs.")]
+AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: name of the run's folder, its metrics.")]
+Threshold = Annotated[float | None, Parameter(help=_THRESHOLD)]
+Which = Annotated[str, Parameter(help=f"Figures to draw, of {', '.join(FIGURES)}; all by default.")]
+Formats = Annotated[tuple[str, ...], Parameter("--format", help="Such as png, pdf or svg; may be given several times.")]
+Quantity = Annotated[str | None, Parameter(help="Reported quantity to draw; the first by default.")]
+FiguresFolder = Annotated[Path | None, Parameter(help="Folder for the figures; by default `figures` in the run's.")]
+Csv = Annotated[bool, Parameter(help="As estimates.csv and frames.csv.")]
+Parquet = Annotated[bool, Parameter(help="As estimates.parquet and frames.parquet.")]
+Npz = Annotated[bool, Parameter(help="As run.npz, for numpy.")]
+ExportFolder = Annotated[Path | None, Parameter(help="Folder for the files; by default `export` in the run's.")]
+
+
+def metrics(
+    run: RunName,
+    /,
+    *more: More,
+    json_: AsJson = False,
+    threshold: Threshold = None,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Compute and print the metrics of runs, and leave them in metrics.json."""
+    folders = [finished_run(name, runs) for name in (run, *more)]
+    found = {folder.resolve().name: write_metrics(folder, threshold) for folder in folders}
+    if json_:
+        print_plain(json.dumps({name: json.loads(one.to_json()) for name, one in found.items()}, indent=1))
+        return
+    console = output()
+    for name, one in found.items():
+        console.rule(name)
+        for table in metrics_tables(one):
+            console.print(table)
+
+
+def plot_run(
+    run: RunName,
+    /,
+    *which: Which,
+    format_: Formats = ("png", "pdf"),
+    quantity: Quantity = None,
+    out: FiguresFolder = None,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Draw the figures of a run and print their paths."""
+    for path in plot(finished_run(run, runs), which or FIGURES, out, format_, quantity):
+        print_plain(str(path))
+
+
+def export_run(
+    run: RunName,
+    /,
+    *,
+    csv: Csv = False,
+    parquet: Parquet = False,
+    npz: Npz = False,
+    out: ExportFolder = None,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Write a run as tables of estimates and frames, or as arrays, and print the paths."""
+    wanted = {"csv": csv, "parquet": parquet, "npz": npz}
+    if not any(wanted.values()):
+        raise BadInput("export as what? Add --csv, --parquet or --npz")
+    folder = finished_run(run, runs)
+    for format_ in FORMATS:
+        if wanted[format_]:
+            for path in export(folder, format_, out):
+                print_plain(str(path))
+
+
+def verify_run(run: RunName, /, *, runs: RunsFolder = RUNS) -> int:
+    """Replay a run in the twin, live faults included, and compare every estimate and every frame's fate bit for bit.
+
+    The exit code is 3 if the run is not certified.
+    """
+    verdict = verify(finished_run(run, runs))
+    for line in verdict.lines:
+        print_plain(line)
+    return verdict.exit_code
+
+
+def recover_run(run: RunName, /, *, runs: RunsFolder = RUNS) -> None:
+    """Make a record readable that was cut off, as by kill -9 of the supervisor; the damaged file is kept."""
+    print_plain(str(recover(finished_run(run, runs))))

@@ -1,0 +1,170 @@
+"""status, watch, fault, stop: what they ask of the supervisor, whom they ask, and what they say."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from volery.errors import BadInput
+from volery.experiments import cli_faults, cli_live
+from volery.experiments.timeline import parse_fault
+from volery.transport.faults import Kill, LinkFault, Pause
+
+from .conftest import Volery
+
+STATUS = {
+    "time_s": 1.25,
+    "duration_s": 60.0,
+    "agents": 4,
+    "alive": ["1", "2", "4"],
+    "frames": 1234,
+    "lost": 56,
+    "late": 7,
+    "disagreement": None,
+    "faults": {"f1": "kill 3"},
+}
+EDGES = [("3", "7"), ("3", "5")]
+
+
+class Supervisor:
+    """Stands in for the supervisor of every run: notes what is asked, answers with the status."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, Mapping[str, Any]]] = []
+        self.ends_after = 0
+
+    def __call__(self, folder: Path, request: Mapping[str, Any]) -> Any:
+        """Answer one request; the run ends with the last one that is expected."""
+        self.asked.append((folder.name, request))
+        if len(self.asked) == self.ends_after:
+            (folder / "control.json").unlink()
+        return STATUS if request == {"do": "status"} else "done"
+
+
+@pytest.fixture
+def supervisor(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> Supervisor:
+    """Two swarms run, `first` and `second`; a third, `stale`, was killed and left its control file."""
+    assert volery is not None
+    gone = 2**22 + 1  # above the largest process id of Linux
+    for number, (name, pid) in enumerate([("second", os.getpid()), ("first", os.getpid()), ("stale", gone)]):
+        folder = Path("runs") / name
+        folder.mkdir(parents=True)
+        (folder / "scenario.yaml").touch()
+        os.utime(folder / "scenario.yaml", ns=(1000 - number, 1000 - number))
+        (folder / "run.json").write_text(json.dumps({"status": "running", "pid": pid}), "utf-8")
+        (folder / "control.json").touch()
+    found = Supervisor()
+    monkeypatch.setattr(cli_live, "call", found)
+    monkeypatch.setattr(cli_faults, "call", found)
+    monkeypatch.setattr(cli_live, "_ASK_EVERY_S", 0.0)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("cut 3-7", LinkFault("f1", 0, None, (("3", "7"), ("7", "3")), {"cut": True})),
+        ("cut 3>7 --for 2s", LinkFault("f1", 0, 2_000_000_000, (("3", "7"),), {"cut": True})),
+        ("kill 5 --for 0.5s", Kill("f1", 0, 500_000_000, "5")),
+        ("kill 5", Kill("f1", 0, None, "5")),
+        ("pause 5 --for 20ms", Pause("f1", 0, 20_000_000, "5")),
+    ],
+)
+def test_faults_are_asked_for_as_in_a_timeline(
+    volery: Volery, supervisor: Supervisor, words: str, expected: LinkFault | Kill | Pause
+) -> None:
+    """What the command sends is the fault that its words say, once the supervisor reads it."""
+    said = volery("fault", *words.split())
+    assert (said.code, said.out) == (0, "done\n")
+    ((run, request),) = supervisor.asked
+    assert (run, request["do"]) == ("second", "inject")
+    assert parse_fault(request["fault"], "f1", 0, EDGES) == expected
+
+
+def test_settings_are_written_as_in_a_scenario(volery: Volery, supervisor: Supervisor) -> None:
+    """`fault set` takes several fields, units without a space, models by name, and a time."""
+    words = ["all", "loss=0.3", "latency=5ms", "rate=57.6kbit/s", "overhead=6 B"]
+    assert volery("fault", "set", *words, "--for", "2s").code == 0
+    fault = parse_fault(supervisor.asked[0][1]["fault"], "f1", 0, EDGES)
+    nested = volery("fault", "set", "3-7", "loss.gilbert-elliott.to_bad=0.1", "loss.gilbert-elliott.to_good=0.5")
+    assert nested.code == 0
+    assert isinstance(fault, LinkFault)
+    assert fault.until_ns == 2_000_000_000
+    assert len(fault.links) == 2 * len(EDGES)
+    assert set(fault.changes) == {"loss", "latency", "rate", "overhead"}
+    assert (fault.changes["rate"], fault.changes["overhead"]) == (57_600.0, 6)
+    burst = parse_fault(supervisor.asked[1][1]["fault"], "f2", 0, EDGES)
+    assert isinstance(burst, LinkFault)
+    assert burst.changes["loss"][0].to_bad == 0.1
+
+
+@pytest.mark.parametrize("words", [["set", "all"], ["set", "all", "loss"]])
+def test_settings_that_are_none(volery: Volery, supervisor: Supervisor, words: list[str]) -> None:
+    """Nothing to set, or no value for it, is bad input; here or where the supervisor reads it."""
+    if volery("fault", *words).code == 0:
+        with pytest.raises(BadInput, match="set is empty"):
+            parse_fault(supervisor.asked[0][1]["fault"], "f1", 0, EDGES)
+    else:
+        assert supervisor.asked == []
+
+
+@pytest.mark.parametrize(
+    ("words", "request_"),
+    [
+        ("fault restore 3-7", {"do": "restore", "fault": {"cut": "3-7"}}),
+        ("fault restart 5", {"do": "restart", "agent": "5"}),
+        ("fault clear", {"do": "clear", "faults": []}),
+        ("fault clear f1 t2", {"do": "clear", "faults": ["f1", "t2"]}),
+        ("stop", {"do": "stop"}),
+    ],
+)
+def test_other_requests(volery: Volery, supervisor: Supervisor, words: str, request_: dict[str, Any]) -> None:
+    """Each command asks the newest swarm that runs, or the one that is named."""
+    assert volery(*words.split()).code == 0
+    assert volery(*words.split(), "--run", "first").code == 0
+    assert supervisor.asked == [("second", request_), ("first", request_)]
+
+
+def test_status_of_all_and_of_one(volery: Volery, supervisor: Supervisor) -> None:
+    """Without a run, a row for each that runs in the order in which they began; a killed one is not asked."""
+    said = volery("status")
+    assert said.code == 0
+    assert [run for run, _ in supervisor.asked] == ["first", "second"]
+    row = next(line for line in said.out.splitlines() if "second" in line)
+    assert [cell.strip() for cell in row.strip("│").split("│")] == [
+        *("second", "1.2 of 60 s", "3 of 4", "1,234", "56", "7", "–", "f1: kill 3")
+    ]
+    assert volery("status", "first").code == 0
+    assert supervisor.asked[2:] == [("first", {"do": "status"})]
+
+
+@pytest.mark.parametrize("words", [["watch"], ["stop"], ["fault", "cut", "1-2", "--run"]])
+def test_a_run_that_is_over_cannot_be_asked(volery: Volery, supervisor: Supervisor, words: list[str]) -> None:
+    """The one that was killed is not running, though its control file is still there."""
+    said = volery(*words, "stale")
+    assert (said.code, supervisor.asked) == (2, [])
+    assert said.error.startswith("error: runs/stale is not running")
+
+
+def test_nothing_runs(volery: Volery) -> None:
+    """`status` says so; what needs a swarm is bad input and says how to start one."""
+    said = volery("status")
+    assert (said.code, said.out) == (0, "no swarm is running in runs\n")
+    for words in (["stop"], ["watch"], ["fault", "clear"]):
+        said = volery(*words)
+        assert said.code == 2
+        assert "--detach" in said.error
+
+
+def test_watch_shows_the_swarm_until_it_ends(volery: Volery, supervisor: Supervisor) -> None:
+    """It asks again and again, and says when the run is over."""
+    supervisor.ends_after = 3
+    said = volery("watch")
+    assert said.code == 0
+    assert len(supervisor.asked) == 3
+    assert said.out.splitlines()[-1] == "runs/second has ended"

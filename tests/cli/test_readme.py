@@ -1,0 +1,62 @@
+"""What the README tells its readers to type can be typed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from volery.experiments.cli import app
+from volery.experiments.compile import compile_plan
+from volery.experiments.library import builtin_scenarios
+from volery.experiments.scenario import load_scenario
+from volery.experiments.validate import validate_plan
+
+from .conftest import Volery
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text("utf-8")
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+TYPED = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines() if line.startswith("volery ")]
+IN_TABLES = re.findall(r"^\| `(volery [^`]*)` \|", README, re.MULTILINE)
+NAMED = [line for line in IN_TABLES if "SCENARIO" not in line and "RUN" not in line and "," not in line]
+
+
+@pytest.mark.parametrize("line", [*TYPED, *NAMED])
+def test_commands_parse(line: str) -> None:
+    """Every command line of the README is one, and runs a scenario that there is."""
+    words = shlex.split(line, comments=True)[1:]
+    app.parse_args(words, exit_on_error=False)
+    if words[0] == "run":
+        assert words[1] in {*(scenario.name for scenario in builtin_scenarios()), "mine.yaml"}
+
+
+def test_enough_is_found() -> None:
+    """The README has the commands of the tour, which the test above must not lose sight of."""
+    assert len(TYPED) > 10
+    assert {line.split()[1] for line in TYPED} >= {"run", "fault", "metrics", "plot", "verify", "validate"}
+
+
+def test_scenario_is_valid(volery: Volery) -> None:
+    """The scenario of the README validates, with the override of the README too."""
+    assert volery is not None
+    (text,) = (block for kind, block in BLOCKS if kind == "yaml")
+    Path("mine.yaml").write_text(text, "utf-8")
+    for overrides in ([], ["links.loss.bernoulli=0.3"]):
+        validate_plan(compile_plan(load_scenario("mine.yaml", overrides)))
+
+
+def test_python_example_runs(volery: Volery, capsys: pytest.CaptureFixture[str]) -> None:
+    """The Python of the README runs as it stands, and the run is as asked."""
+    assert volery is not None
+    (code,) = (block for kind, block in BLOCKS if kind == "python")
+    exec(compile(code, "README.md", "exec"), {})  # noqa: S102 - our own README
+    assert "as asked" in capsys.readouterr().out
+
+
+def test_pictures_and_files_are_there() -> None:
+    """Every relative link of the README leads to a file."""
+    targets = [target for target in re.findall(r"\]\(([^)]+)\)", README) if not target.startswith("http")]
+    assert [target for target in targets if not (ROOT / target).exists()] == []

@@ -1,0 +1,129 @@
+"""`volery run`, in the twin: what it prints, leaves behind, and ends with."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from volery.experiments import cli_run
+from volery.experiments.running import execute
+
+from .conftest import Volery
+
+TWIN = ("--engine", "twin", "--no-figures")
+
+
+def test_run_ends_with_metrics_verdict_and_folder(volery: Volery) -> None:
+    """Ten lines of progress, the tables, the verdict and the run's folder, which holds scenario, record and metrics."""
+    said = volery("run", "short.yaml", *TWIN, "--name", "mine")
+    assert (said.code, said.error) == (0, "")
+    lines = said.out.splitlines()
+    assert [line[:12] for line in lines[:10]] == [f"{tenth / 10:.1f} of 1 s: " for tenth in range(1, 11)]
+    assert "in force: t1: cut 1–2" in lines[3]
+    assert "in force" not in lines[0] + lines[9]
+    assert "4 of 4 agents alive" in lines[0]
+    assert "as asked: no late frame" in said.out
+    assert lines[-1].split() == ["run", "runs/mine"]
+    assert {path.name for path in Path("runs/mine").iterdir()} == {
+        *("scenario.yaml", "record.mcap", "metrics.json", "run.json")
+    }
+
+
+def test_run_draws_the_figures_and_says_where(volery: Volery) -> None:
+    """Without --no-figures every figure is there, and its path printed."""
+    said = volery("run", "short.yaml", "--engine", "twin", "--name", "mine")
+    figures = [line.split()[1] for line in said.out.splitlines() if line.startswith("figure ")]
+    assert "runs/mine/figures/overview.png" in figures
+    assert all(Path(figure).stat().st_size > 0 for figure in figures)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["none.yaml"], "none.yaml: cannot be read"),
+        (["dfa16-losy"], "did you mean 'dfa16-lossy'?"),
+        (["short.yaml", "--set", "durations=1 s"], "--set durations: unknown field (did you mean 'duration'?)"),
+        (["short.yaml", "--set", "duration=0 s"], "must be above 0"),
+        (["short.yaml", "--set", "duration"], "write KEY=VALUE"),
+        (["short.yaml", "--set", "links.loss.bernoulli=1.5"], "lies between 0 and 1"),
+        (["short.yaml", "--set", "links.rate=5 s"], "links.rate"),
+        (["short.yaml", "--set", "agents.estimator=mean"], "agents.estimator"),
+        (["short.yaml", "--set", "faults.0.cut=1-99"], "there is no agent '99'"),
+        (["short.yaml", "--speed", "0"], "it must be above 0"),
+        (["short.yaml", "--speed", "2"], "realtime pace only"),
+        (["short.yaml", "--detach"], "--detach is for swarms over Zenoh"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_run_refuses_bad_input_and_leaves_nothing(volery: Volery, words: list[str], message: str) -> None:
+    """Exit code 2, a message that names the place and the remedy, and no folder."""
+    said = volery("run", *words, "--engine", "twin")
+    assert said.code == 2
+    assert message in " ".join(said.error.replace("│", "").split())
+    assert not Path("runs").exists()
+
+
+def test_two_runs_of_one_name(volery: Volery) -> None:
+    """A run is never overwritten by another of its name."""
+    volery("run", "short.yaml", *TWIN, "--name", "mine")
+    before = Path("runs/mine/record.mcap").read_bytes()
+    said = volery("run", "short.yaml", *TWIN, "--name", "mine")
+    assert said.code == 2
+    assert said.error.startswith("error: runs/mine exists already: choose another --name")
+    assert Path("runs/mine/record.mcap").read_bytes() == before
+
+
+def test_strict_ends_with_3_where_the_machine_did_not_keep_up(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> None:
+    """--strict is 0 for a run as asked, and 3 with late frames, which without it are only told."""
+    assert volery("run", "short.yaml", *TWIN, "--strict").code == 0
+
+    def late(*arguments: Any) -> Any:
+        outcome = execute(*arguments)
+        fidelity = replace(outcome.metrics.fidelity, late=3)
+        return replace(outcome, metrics=replace(outcome.metrics, fidelity=fidelity))
+
+    monkeypatch.setattr(cli_run, "execute", late)
+    assert volery("run", "short.yaml", *TWIN, "--strict").code == 3
+    assert volery("run", "short.yaml", *TWIN).code == 0
+
+
+def test_problems_are_told_and_end_with_1(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run with problems failed, even with --strict, and says why."""
+
+    def failing(*arguments: Any) -> Any:
+        return replace(execute(*arguments), problems=("agent 3 ended with exit code 1",))
+
+    monkeypatch.setattr(cli_run, "execute", failing)
+    said = volery("run", "short.yaml", *TWIN, "--strict")
+    assert said.code == 1
+    assert "error: agent 3 ended with exit code 1" in said.error
+
+
+def test_interrupt_keeps_what_was_recorded(volery: Volery) -> None:
+    """Ctrl-C during a long twin run: metrics of what there is, exit code 1, and a record that can be read."""
+    command = [sys.executable, "-m", "volery", "run", "short.yaml", *TWIN, "--set", "duration=120 s", "--name", "mine"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("12.")
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate()
+    assert process.returncode == 1, error
+    assert "the run was broken off" in out
+    assert error == "error: interrupted; what was recorded until then is kept\n"
+    kept = json.loads(volery("metrics", "last", "--json").out)["mine"]
+    assert 11 < kept["seconds"] < 120
+
+
+def test_detach_tells_why_the_swarm_could_not_start(volery: Volery) -> None:
+    """An error of the process in the background is shown, with its exit code, and nothing is left behind."""
+    said = volery("run", "short.yaml", "--detach", "--listen", "tcp/127.0.0.1:99999")
+    assert said.code == 2
+    assert said.error.startswith("error: cannot listen at tcp/127.0.0.1:99999")
+    assert list(Path("runs").iterdir()) == []
