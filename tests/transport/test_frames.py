@@ -1,0 +1,76 @@
+"""The wire format."""
+
+from __future__ import annotations
+
+import zlib
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from volery.transport.frames import PROMISE_ONLY, VERSION, DamagedFrame, Frame, decode, encode, promise
+
+whole = st.integers(0, 2**62)
+frames = st.builds(
+    Frame,
+    incarnation=st.integers(0, 2**14),
+    sequence=st.integers(0, 2**48 - 1),
+    start_ns=whole,
+    airtime_ns=whole,
+    due_ns=whole,
+    verdict=st.sampled_from(["delivered", "cut", "loss"]),
+    payload=st.binary(max_size=60),
+    sent=whole,
+    promise_ns=st.none() | whole,
+)
+
+
+@given(frames)
+def test_a_frame_comes_back_as_it_was(frame: Frame) -> None:
+    """Every field, with its type."""
+    assert decode(encode(frame)) == frame
+
+
+@given(whole, whole)
+def test_a_promise_comes_back_as_it_was(promise_ns: int, sent: int) -> None:
+    """It is a frame that is not delivered."""
+    bare = decode(encode(promise(2, promise_ns, sent)))
+    assert (bare.sequence, bare.promise_ns, bare.sent, bare.incarnation) == (PROMISE_ONLY, promise_ns, sent, 2)
+
+
+@given(frames)
+def test_every_flipped_bit_is_caught(frame: Frame) -> None:
+    """CRC-32 finds any single wrong bit, wherever it is."""
+    data = encode(frame)
+    for place in range(len(data) * 8):
+        damaged = bytearray(data)
+        damaged[place // 8] ^= 1 << place % 8
+        with pytest.raises(DamagedFrame):
+            decode(bytes(damaged))
+
+
+@given(frames)
+def test_a_cut_off_frame_is_caught(frame: Frame) -> None:
+    """No beginning of a frame is a frame, and neither is one with something behind it."""
+    data = encode(frame)
+    for length in range(len(data)):
+        with pytest.raises(DamagedFrame):
+            decode(data[:length])
+    with pytest.raises(DamagedFrame):
+        decode(data + b"\0")
+
+
+@pytest.mark.parametrize("version", [0, VERSION + 1, 255])
+def test_another_version_is_refused(version: int) -> None:
+    """The message names both."""
+    data = bytes([version]) + encode(promise(0, 0, 0))[1:]
+    with pytest.raises(DamagedFrame, match=f"first byte {version:02x}: not version {VERSION}"):
+        decode(data)
+
+
+@pytest.mark.parametrize("body", [b"\xc1", b"\x93\x01", msgpack.packb(1), msgpack.packb([1, 2]), msgpack.packb({})])
+def test_something_else_with_a_checksum_is_refused(body: bytes) -> None:
+    """Not MessagePack, not a list, or not as many fields as a frame has."""
+    with pytest.raises(DamagedFrame, match=r"not MessagePack|not 9 fields"):
+        decode(bytes([VERSION]) + zlib.crc32(body).to_bytes(4, "little") + body)
