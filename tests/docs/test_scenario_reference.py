@@ -1,0 +1,86 @@
+"""docs/scenario.md names every field that a scenario may have, and everything that it shows can be loaded."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import fields
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from volery import topologies, worlds
+from volery.agents.dfa_parameters import DfaParameters
+from volery.errors import BadInput
+from volery.experiments.link_schema import ACCESSES
+from volery.experiments.scenario import json_schema, load_scenario
+
+from .conftest import DOCS, blocks
+
+PAGE = "scenario.md"
+TEXT = (DOCS / PAGE).read_text("utf-8")
+EXAMPLE, *FRAGMENTS = blocks(PAGE, "yaml")
+IN_CODE = set(re.findall(r"[\w-]+", " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))))
+
+
+def schema_names(node: Any) -> Iterator[str]:
+    """Every name of a field, and every word to choose from, in a JSON Schema."""
+    if isinstance(node, dict):
+        yield from node.get("properties", ())
+        yield from (word for word in node.get("enum", ()) if isinstance(word, str))
+        for child in node.values():
+            yield from schema_names(child)
+    elif isinstance(node, list):
+        for child in node:
+            yield from schema_names(child)
+
+
+def known(message: str) -> list[str]:
+    """The names that an error message lists after its last colon or the word `of` or `use`."""
+    return re.split(r", | and ", re.split(r"one of |use ", message)[-1])
+
+
+def test_every_field_of_the_schema_is_explained() -> None:
+    """Fields and choices of the JSON Schema, of slots, and of the module's parameters stand in the page as code."""
+    names = {*schema_names(json_schema()), *(field.name for field in fields(DfaParameters))}
+    names |= {*ACCESSES, *(field.name for access in ACCESSES.values() for field in fields(access))}
+    assert len(names) > 50
+    assert names - IN_CODE == set()
+
+
+def test_every_topology_and_world_is_explained() -> None:
+    """What the readers of `topology:` and `world:` know, by what they say when they are asked for something else."""
+    with pytest.raises(BadInput) as topology:
+        topologies.build({}, 0)
+    with pytest.raises(BadInput) as world:
+        worlds.build({"qqqq": 1}, {"1": (0.0, 0.0)}, 0)
+    kinds, keys = known(str(topology.value)), known(str(world.value))
+    assert len(kinds) == 11
+    assert len(keys) == 7
+    assert {*kinds, *keys} - IN_CODE == set()
+
+
+@pytest.mark.parametrize("fragment", [{}, *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))
+def test_what_is_shown_can_be_loaded(fragment: str, tmp_path: Path) -> None:
+    """The example as it stands, and with each of the other blocks in its place."""
+    yaml = YAML(typ="safe")
+    changed = yaml.load(EXAMPLE) | (yaml.load(fragment) if fragment else {})
+    text = StringIO()
+    yaml.dump(changed, text)
+    path = tmp_path / "example.yaml"
+    path.write_text(text.getvalue() if fragment else EXAMPLE, "utf-8")
+    assert load_scenario(path).name == "example"
+
+
+def test_the_error_that_is_shown(tmp_path: Path) -> None:
+    """The page's example of a message is what volery says."""
+    (scenario,) = blocks("own-agent.md", "yaml")
+    path = tmp_path / "room.yaml"
+    path.write_text(scenario.replace("latency", "latncy").replace("my_agent:Thermometer, rate: 20 Hz", "dfa-module"))
+    (said,) = re.findall(r"`(room\.yaml:.*?)`", TEXT, re.DOTALL)
+    with pytest.raises(BadInput) as refused:
+        load_scenario(path)
+    assert str(refused.value).removeprefix(f"{tmp_path}/") == " ".join(said.split())
