@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import Callable
 from heapq import heappop
 
@@ -22,8 +23,39 @@ _DRAIN_S = 0.05
 """A killed agent still hears what was due before its end."""
 _EARLIEST_FAULT_NS = 20_000_000
 _LATENESS_KEPT = 50_000
+_NOBODY = ""
 
 Write = Callable[[str, Frame], None]
+Guard = Callable[[Callable[[], None]], Callable[[], None]]
+"""Makes a function report what it raises."""
+
+
+class Mailbox:
+    """Frames as Zenoh's thread brings them, until the loop takes them in.
+
+    A wake-up of the loop costs more than a frame, so the pacers let it sleep until a frame matters.
+    """
+
+    LIMIT = 200_000
+
+    def __init__(self) -> None:
+        self._frames: deque[tuple[str, Frame]] = deque()
+        self.overflowed = 0
+
+    def put(self, source: str, frame: Frame) -> None:
+        """Keep a frame; called on Zenoh's thread. One too many is lost, and counted."""
+        if len(self._frames) < self.LIMIT:
+            self._frames.append((source, frame))
+        else:
+            self.overflowed += 1
+
+    def take(self) -> list[tuple[str, Frame]]:
+        """All frames that are here, in the order in which they came; called on the loop."""
+        return [self._frames.popleft() for _ in range(len(self._frames))]
+
+    def __bool__(self) -> bool:
+        """Whether there is mail."""
+        return bool(self._frames)
 
 
 class Realtime:
@@ -33,13 +65,18 @@ class Realtime:
     before its nominal start: this, airtime and latency are the slack that a busy machine has.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, speed: float, done: Callable[[], None]) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard, speed: float
+    ) -> None:
         self.put = write
+        self.mail = Mailbox()
+        self.lateness_ns: list[int] = []
         self._loop = loop
         self._speed = speed
         self._done = done
-        self._timer = TimerFd(loop, self.advance)
-        self.lateness_ns: list[int] = []
+        self._leaving = False
+        self._timer = TimerFd(loop, guard(self.advance))
+        self._armed_ns = 0
 
     def begin(self, node: Node, epoch_ns: int) -> None:
         """Start the clock: nominal time 0 is at `epoch_ns` on the monotonic clock."""
@@ -47,20 +84,41 @@ class Realtime:
         self._epoch_ns = epoch_ns
         self._end_ns = node.plan.duration_ns
         self._early_ns = min(node.compute_ns, _EARLIEST_FAULT_NS)
-        self._timer.set(epoch_ns)
+        self.advance()
 
     def now_ns(self) -> int:
         """Nominal time by the wall clock."""
         return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
 
-    def arrived(self, frames: list[tuple[str, Frame]]) -> None:
-        """Take in what the network has brought."""
-        for source, frame in frames:
-            self._node.receive(source, frame)
-        self.advance()
+    def arrived(self, source: str, frame: Frame) -> None:
+        """Keep a frame until it is due, or wake up earlier for it; called on Zenoh's thread."""
+        self.mail.put(source, frame)
+        due_ns = self._wall_ns(frame.due_ns)
+        if due_ns < self._armed_ns:
+            self._arm_timer(due_ns)
+
+    def _wall_ns(self, time_ns: int) -> int:
+        """When the monotonic clock reaches a nominal instant; before the start that is not known."""
+        return self._epoch_ns + int(time_ns / self._speed) if self._armed_ns else 0
+
+    def _arm_timer(self, wall_ns: int) -> None:
+        self._armed_ns = wall_ns
+        self._timer.set(wall_ns)
 
     def advance(self) -> None:
-        """Handle what is due, then sleep until the next event."""
+        """Handle what is due, then sleep until the next event.
+
+        The mail is looked at again once the timer is set: what came in between may be due before that.
+        """
+        while True:
+            for source, frame in self.mail.take():
+                self._node.receive(source, frame)
+            self._arm_timer(self._handle_due())
+            if not self.mail:
+                return
+
+    def _handle_due(self) -> int:
+        """Handle every event whose time has come; when the next one has, on the monotonic clock."""
         node, heap = self._node, self._node.heap
         now = self.now_ns()
         limit, link_limit = min(now, self._end_ns - 1), min(now + self._early_ns, self._end_ns - 1)
@@ -69,14 +127,14 @@ class Realtime:
         while heap and (heap[0][TIME] <= limit or (heap[0][RANK] >= OFFER and heap[0][TIME] <= link_limit)):
             event = heappop(heap)
             event[HANDLER](event)
-        if node.dead:
-            self._loop.call_later(_DRAIN_S, self._done)
-        elif heap and heap[0][TIME] < self._end_ns:
+        if heap and heap[0][TIME] < self._end_ns and not node.dead:
             next_ns = heap[0][TIME] - (self._early_ns if heap[0][RANK] >= OFFER else 0)
-            self._timer.set(self._epoch_ns + int(next_ns / self._speed))
-        else:
-            remaining_s = (self._end_ns - now) / 1e9 / self._speed
-            self._loop.call_later(max(0.0, remaining_s) + _GRACE_S, self._done)
+            return self._epoch_ns + int(next_ns / self._speed)
+        if not self._leaving:
+            self._leaving = True
+            remaining_s = max(0.0, (self._end_ns - now) / 1e9 / self._speed)
+            self._loop.call_later(_DRAIN_S if node.dead else remaining_s + _GRACE_S, self._done)
+        return FOREVER_NS
 
     def arm(self, fault: Fault, instant_ns: int) -> bool:
         """Arm a live fault that changes something at an instant; whether there is time left until then."""
@@ -107,11 +165,17 @@ class Realtime:
 class Lockstep:
     """Handles an event when every neighbour has promised that nothing earlier can come."""
 
-    def __init__(self, write: Write, done: Callable[[], None]) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard
+    ) -> None:
+        self.mail = Mailbox()
+        self.lateness_ns: list[int] = []
+        self._loop = loop
         self._write = write
         self._done = done
         self._held = False
-        self.lateness_ns: list[int] = []
+        self._blocking = {_NOBODY}
+        self._wake = guard(self.advance)
 
     def begin(self, node: Node, _epoch_ns: int) -> None:
         """Make the first promises."""
@@ -136,25 +200,39 @@ class Lockstep:
         self._write(target, frame._replace(promise_ns=self._promise([target])[target]))
 
     def _promise(self, targets: list[str]) -> dict[str, int]:
-        """New promises, never behind what was told; past the end of the run they reach for ever."""
+        """New promises, never behind what was told; but for the one for ever, none reaches past the end of the run."""
         promises = self._node.promises(targets, self._horizon.safe_ns())
         for target, promise_ns in promises.items():
-            promises[target] = FOREVER_NS if promise_ns >= self._end_ns else max(promise_ns, self._told[target])
+            if promise_ns < FOREVER_NS:
+                promises[target] = max(min(promise_ns, self._end_ns), self._told[target])
             self._told[target] = promises[target]
         return promises
 
-    def arrived(self, frames: list[tuple[str, Frame]]) -> None:
-        """Take in frames and promises."""
-        for source, frame in frames:
-            self._horizon.heard(source, frame)
-            if frame.sequence >= 0:
-                self._node.receive(source, frame)
-        self.advance()
+    def arrived(self, source: str, frame: Frame) -> None:
+        """Keep a frame or promise until all that stand in the way were heard; called on Zenoh's thread."""
+        self.mail.put(source, frame)
+        blocking = self._blocking
+        if blocking:
+            blocking.discard(source)
+            if not blocking:
+                self._loop.call_soon_threadsafe(self._wake)
 
     def advance(self) -> None:
-        """Handle what is safe, then promise."""
-        if self._held:
-            return
+        """Handle what is safe, then promise.
+
+        The mail is looked at again once it is known who stands in the way: they may have been heard in between.
+        """
+        while not self._held:
+            for source, frame in self.mail.take():
+                self._horizon.heard(source, frame)
+                if frame.sequence >= 0:
+                    self._node.receive(source, frame)
+            self._handle_safe()
+            self._blocking = self._horizon.blocking()
+            if not self.mail:
+                return
+
+    def _handle_safe(self) -> None:
         node, heap = self._node, self._node.heap
         safe = self._horizon.safe_ns()
         limit = min(safe, self._end_ns)

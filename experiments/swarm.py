@@ -144,6 +144,8 @@ class Swarm:
         for agent in self.plan.agents:
             self._spawn(agent.name, 0)
         await self._joined([(agent.name, 0) for agent in self.plan.agents])
+        if self.pace == "realtime":
+            await self.order({"do": "rehearse"})
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.agents)
         self._epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self._sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
@@ -226,6 +228,7 @@ class Swarm:
         key = (name, incarnation + 1)
         self._spawn(*key)
         await self._joined([key])
+        await self.order({"do": "rehearse"}, *key)
         return key
 
     async def revive(self, key: tuple[str, int], start_ns: int) -> None:
@@ -250,6 +253,7 @@ class Swarm:
         key = (name, incarnation)
         self._spawn(*key)
         await self._joined([key])
+        await self.order({"do": "rehearse"}, *key)
         await self.revive(key, until_ns)
 
     async def stop(self) -> None:

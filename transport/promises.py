@@ -75,6 +75,11 @@ class Horizon:
             default=FOREVER_NS,
         )
 
-    def farthest_ns(self) -> int:
-        """The largest promise that was given to this agent."""
-        return max((promise for promise in self._promises.values() if promise < FOREVER_NS), default=0)
+    def blocking(self) -> set[str]:
+        """The neighbours that must be heard, every one of them, before `safe_ns` can grow."""
+        safe = self.safe_ns()
+        return {
+            source
+            for source, promise in self._promises.items()
+            if earliest_due(promise, self._segments[source]) == safe
+        }

@@ -84,7 +84,7 @@ def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) ->
         if reply.ok is not None:
             locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
             return session, locators[0]
-    session.close()  # type: ignore[no-untyped-call]
+    session.close()
     raise RunFailed(f"the hub at {listen} does not say where it listens")
 
 
