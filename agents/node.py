@@ -143,6 +143,7 @@ class Node:
         if self.dead:
             return
         if self._waiting is not None:
+            self.now_ns = max(self.now_ns, event[TIME])
             self._waiting.append((event, act))
             return
         if event > self._last:
@@ -318,7 +319,9 @@ class Node:
         return batch
 
     def promises(self, targets: Iterable[str], arrivals_ns: int) -> dict[str, int]:
-        """For each target the earliest instant at which the next transmission to it can start.
+        """For each target the earliest instant at which the next transmission to it can start, or for ever.
+
+        An agent that stands still may be told to go on at any instant that nobody has passed.
 
         Args:
             targets: neighbours.
@@ -326,21 +329,24 @@ class Node:
         """
         if self.dead:
             return dict.fromkeys(targets, FOREVER_NS)
-        acts = FOREVER_NS if self.timers_only else arrivals_ns
+        on_timers = self.timers_only and self._waiting is None
+        acts = FOREVER_NS if on_timers else arrivals_ns
         starts, changes = dict.fromkeys(self.senders, FOREVER_NS), dict.fromkeys(self.senders, FOREVER_NS)
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
             if rank >= OFFER:
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif time_ns < acts and not (self.timers_only and event[HANDLER] == self._on_arrival):
+            elif time_ns < acts and not (on_timers and event[HANDLER] == self._on_arrival):
                 acts = time_ns
             if rank == FAULT:
                 for target in self._accesses_changed(self.faults[event[DATA]]):
                     changes[target] = min(time_ns, changes[target])
-        acts += self.compute_ns
+        ready = {target: min(acts + self.compute_ns, starts[target]) for target in targets}
         return {
-            target: min(self.senders[target].earliest_next(min(acts, starts[target])), changes[target])
-            for target in targets
+            target: min(self.senders[target].earliest_next(ready_ns), changes[target])
+            if ready_ns < FOREVER_NS
+            else FOREVER_NS
+            for target, ready_ns in ready.items()
         }
 
     def _accesses_changed(self, fault: Fault) -> Iterable[str]:

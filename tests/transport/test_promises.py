@@ -58,10 +58,21 @@ def test_an_agent_may_go_as_far_as_the_least_promise() -> None:
     horizon.heard("3", promise(0, 500, 0))
     horizon.heard("3", promise(0, 400, 0))
     assert horizon.safe_ns() == 600
-    assert horizon.farthest_ns() == 1000
     horizon.heard("3", promise(0, FOREVER_NS, 0))
     assert horizon.safe_ns() == 1007
-    assert horizon.farthest_ns() == 1000
+
+
+def test_who_blocks_must_be_heard() -> None:
+    """Those, and only those, whose promises the limit rests on: it cannot grow before all have promised more."""
+    horizon = Horizon("2", dict.fromkeys("134", ((0, 2 * FOREVER_NS, 100),)))
+    assert horizon.blocking() == {"1", "3", "4"}
+    horizon.heard("1", promise(0, 50, 0))
+    horizon.heard("3", promise(0, 20, 0))
+    horizon.heard("4", promise(0, 20, 0))
+    assert horizon.blocking() == {"3", "4"}
+    horizon.heard("3", promise(0, 30, 0))
+    assert (horizon.blocking(), horizon.safe_ns()) == ({"4"}, 120)
+    assert Horizon("1", {}).blocking() == set()
 
 
 def test_without_neighbours_there_is_no_limit() -> None:

@@ -15,15 +15,18 @@ from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import AgentPlan, Plan, World
 from volery.experiments.record import Collector, Record
 from volery.experiments.twin import Twin
-from volery.transport.faults import Fault
-from volery.transport.latencies import Constant
-from volery.transport.links import LinkSettings
+from volery.transport.faults import Fault, Kill, LinkFault, Pause
+from volery.transport.latencies import Constant, Normal, Uniform
+from volery.transport.links import LinkSettings, Queue
+from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
 from volery.units import period_ns
 
 MS = 1_000_000
 PlanOf = Callable[..., Plan]
 Run = Callable[[Plan], Record]
 
+DRAWN_MS = 200
 _LONGEST = 40
 
 
@@ -36,7 +39,7 @@ class TalkerParameters:
 
 
 class Talker(Agent):
-    """Keeps a sum that depends on everything that it saw and on the order, and tells it in frames of changing length."""
+    """Keeps a sum that depends on all that it saw and on the order, and tells it in frames of changing length."""
 
     Parameters = TalkerParameters
     timers_only = True
@@ -154,9 +157,97 @@ def _plan(  # noqa: PLR0913 - what a plan has
     return Plan("talk", seed, duration_ms * MS, agents, links, world, tuple(faults))
 
 
+def _one(rng: np.random.Generator, *choices: Any) -> Any:
+    return choices[rng.integers(len(choices))]
+
+
+def _medium(rng: np.random.Generator) -> Any:
+    tdma = Tdma(_one(rng, 60.0, 90.0, 100.0), int(rng.integers(0, 400_000)))
+    return _one(rng, FullDuplex(), HalfDuplex(access=Aloha()), HalfDuplex(access=tdma))
+
+
+def _latency(rng: np.random.Generator) -> Any:
+    low = int(rng.integers(0, 8 * MS))
+    return _one(rng, Constant(0), Constant(low), Uniform(low, low + 3 * MS), Normal(low, low // 4))
+
+
+def _rate(rng: np.random.Generator) -> Any:
+    return _one(rng, None, 115_200.0, 250_000.5, 1e6)
+
+
+def _loss(rng: np.random.Generator) -> Any:
+    return _one(rng, (), (Bernoulli(0.3),), (GilbertElliott(0.2, 0.4),))
+
+
+def _settings(rng: np.random.Generator, medium: Any) -> LinkSettings:
+    return LinkSettings(
+        medium=medium,
+        rate=_rate(rng),
+        overhead=int(rng.integers(0, 5)),
+        queue=Queue(int(rng.integers(1, 5)), _one(rng, "drop-tail", "drop-head", "latest")),
+        loss=_loss(rng),
+        latency=_latency(rng),
+    )
+
+
+def _edges(rng: np.random.Generator) -> list[tuple[str, str]]:
+    """A random tree of two to five agents, and perhaps one edge more."""
+    count = int(rng.integers(2, 6))
+    edges = [(str(int(rng.integers(1, late))), str(late)) for late in range(2, count + 1)]
+    extra = tuple(str(end) for end in sorted(rng.choice(np.arange(1, count + 1), 2, replace=False)))
+    return edges if extra in edges else [*edges, (extra[0], extra[1])]
+
+
+def _faults(rng: np.random.Generator, edges: list[tuple[str, str]]) -> list[Fault]:
+    """Changes of everything that shapes a promise, and pauses; on whole milliseconds, so that instants coincide."""
+    faults: list[Fault] = []
+    for number in range(int(rng.integers(0, 6))):
+        at = int(rng.integers(0, DRAWN_MS)) * MS
+        until = None if rng.random() < 0.3 else at + int(rng.integers(1, 60)) * MS
+        a, b = edges[rng.integers(len(edges))]
+        changes = _one(
+            rng,
+            {"latency": _latency(rng)},
+            {"rate": _rate(rng)},
+            {"medium": _medium(rng)},
+            {"rate": _rate(rng), "latency": _latency(rng), "loss": _loss(rng)},
+            {"cut": True},
+            None,
+        )
+        if changes is None:
+            faults.append(Pause(f"t{number}", at, until or at + 20 * MS, a))
+        else:
+            faults.append(LinkFault(f"t{number}", at, until, ((a, b), (b, a)), changes))
+    return faults
+
+
+def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
+    rng = np.random.default_rng(seed)
+    edges = _edges(rng)
+    media = {edge: _medium(rng) for edge in edges}
+    links = {link: _settings(rng, medium) for edge, medium in media.items() for link in (edge, (edge[1], edge[0]))}
+    names = sorted({name for edge in edges for name in edge})
+    phases = {name: int(rng.integers(0, 20)) * MS // 2 for name in names}
+    parameters = {name: TalkerParameters(_one(rng, 20.0, 30.0, 50.0), phase) for name, phase in phases.items()}
+    faults = _faults(rng, edges)
+    compute_ns, world = _one(rng, 200_000, MS, 3 * MS), _one(rng, None, Probe())
+    if kills:
+        at = int(rng.integers(0, DRAWN_MS)) * MS
+        faults.append(Kill("k", at, _one(rng, None, at + int(rng.integers(1, 60)) * MS), _one(rng, *names)))
+    return _plan(
+        edges, kind, links, faults, DRAWN_MS, parameters=parameters, compute_ns=compute_ns, seed=seed, world=world
+    )
+
+
+@pytest.fixture
+def drawn_plan() -> Callable[..., Plan]:
+    """Draw a plan of a kind: graph, media, rates, latencies, losses, queues, phases, faults; with kills on request."""
+    return _draw
+
+
 @pytest.fixture(name="plan_of")
 def plan_of_fixture() -> PlanOf:
-    """Make a plan: `plan_of(edges, kind, settings, faults, duration_ms, parameters=…, compute_ns=…, seed=…, world=…)`."""
+    """Make a plan: `plan_of(edges, kind, settings, faults, duration_ms, parameters=…, compute_ns=…, …)`."""
     return _plan
 
 

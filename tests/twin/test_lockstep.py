@@ -1,34 +1,35 @@
 """Lockstep pace without processes: the real pacers, wired by an in-memory network that delivers when it pleases.
 
 Every pacer runs its node as in a process of its own. The network keeps order on each link, as one subscriber does, and
-nothing else: which link delivers next, and how many of its frames at once, is drawn.
+nothing else: which link delivers next, how many of its frames at once, and when a woken agent wakes up, is drawn.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
-from volery.agents.agent import Agent
 from volery.agents.journal import Batch
 from volery.agents.node import Node
 from volery.agents.pacing import Lockstep
-from volery.agents.plan import Plan, World
+from volery.agents.plan import Plan
 from volery.experiments.accounting import account
 from volery.experiments.record import Collector, Record
 from volery.transport.faults import Fault, LinkFault, Pause
 from volery.transport.frames import PROMISE_ONLY, Frame, decode, encode
-from volery.transport.latencies import Constant, Normal, Uniform
-from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli, GilbertElliott
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from volery.transport.latencies import Constant
+from volery.transport.media import Aloha, FullDuplex, HalfDuplex
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
 
 MS = 1_000_000
-DURATION_MS = 200
 
 SEEDS = range(30)
 
@@ -41,21 +42,20 @@ class Network:
         self._plan = plan
         self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in plan.links}
         self._promised = dict.fromkeys(plan.links, 0)
-        self.promises = 0
+        self._woken: list[Callable[[], None]] = []
         self.done: set[str] = set()
         self.pacers: dict[str, Lockstep] = {}
         self.nodes: dict[str, Node] = {}
         for agent in plan.agents:
-            pacer = Lockstep(self._write(agent.name), lambda name=agent.name: self.done.add(name))  # type: ignore[misc]
+            done = partial(self.done.add, agent.name)
+            pacer = Lockstep(cast("AbstractEventLoop", self), self._write(agent.name), done, lambda wake: wake)
             self.pacers[agent.name] = pacer
             self.nodes[agent.name] = Node(plan, agent.name, [], pacer.put)
 
     def _write(self, source: str) -> Callable[[str, Frame], None]:
         def write(target: str, frame: Frame) -> None:
             link = (source, target)
-            if frame.sequence == PROMISE_ONLY:
-                self.promises += 1
-            else:
+            if frame.sequence != PROMISE_ONLY:
                 assert frame.start_ns >= self._promised[link], f"{link}: a frame starts before the promise"
             assert frame.promise_ns is not None
             assert frame.promise_ns >= self._promised[link], f"{link}: a promise was taken back"
@@ -64,25 +64,51 @@ class Network:
 
         return write
 
+    def call_soon_threadsafe(self, wake: Callable[[], None]) -> None:
+        """All that a pacer asks of its loop."""
+        self._woken.append(wake)
+
     def start(self) -> None:
         """Bring all nodes to life."""
         for name, pacer in self.pacers.items():
             pacer.begin(self.nodes[name], 0)
 
     def deliver(self) -> bool:
-        """Deliver some of what is on one link; False when nothing is under way."""
+        """Deliver some of what is on one link, or wake somebody up; False when nothing is left to do."""
         busy = [link for link, queue in self._wire.items() if queue]
-        if not busy:
+        if not busy and not self._woken:
             return False
-        source, target = busy[self._rng.integers(len(busy))]
+        choice = self._rng.integers(len(busy) + len(self._woken))
+        if choice >= len(busy):
+            self._woken.pop(choice - len(busy))()
+            return True
+        source, target = busy[choice]
         queue = self._wire[source, target]
-        some = [queue.popleft() for _ in range(self._rng.integers(1, len(queue) + 1))]
-        self.pacers[target].arrived([(source, decode(data)) for data in some])
+        for _ in range(self._rng.integers(1, len(queue) + 1)):
+            self.pacers[target].arrived(source, decode(queue.popleft()))
         return True
 
-    def run(self) -> Record:
+    def deliver_some(self, times: int) -> None:
+        """Deliver that often, if there is so much."""
+        for _ in range(times):
+            self.deliver()
+
+    def inject(self, fault_from: Callable[[int], Fault]) -> Fault:
+        """Arm a fault everywhere as a supervisor does: hold all, choose an instant beyond all, arm, release."""
+        instants = []
+        for pacer in self.pacers.values():
+            instants.append(pacer.hold())
+            self.deliver()
+        fault = fault_from(max(instants) + 1)
+        for pacer in self.pacers.values():
+            assert pacer.arm(fault, fault.at_ns if fault.until_ns is None else fault.until_ns)
+            self.deliver()
+        for pacer in self.pacers.values():
+            pacer.release()
+        return fault
+
+    def finish(self) -> Record:
         """Deliver until nobody says anything more; everybody must have come to the end."""
-        self.start()
         while self.deliver():
             pass
         waiting = {name: self.nodes[name].now_ns for name in self.nodes.keys() - self.done}
@@ -93,97 +119,6 @@ class Network:
             collector(node.take_journal())
         collector.event({"event": "finished", "time_ns": self._plan.duration_ns})
         return collector.record(self._plan)
-
-
-def _one(rng: np.random.Generator, *choices: Any) -> Any:
-    return choices[rng.integers(len(choices))]
-
-
-def _medium(rng: np.random.Generator) -> Any:
-    tdma = Tdma(_one(rng, 60.0, 90.0, 100.0), int(rng.integers(0, 400_000)))
-    return _one(rng, FullDuplex(), HalfDuplex(access=Aloha()), HalfDuplex(access=tdma))
-
-
-def _latency(rng: np.random.Generator) -> Any:
-    low = int(rng.integers(0, 8 * MS))
-    return _one(rng, Constant(0), Constant(low), Uniform(low, low + 3 * MS), Normal(low, low // 4))
-
-
-def _rate(rng: np.random.Generator) -> Any:
-    return _one(rng, None, 115_200.0, 250_000.5, 1e6)
-
-
-def _loss(rng: np.random.Generator) -> Any:
-    return _one(rng, (), (Bernoulli(0.3),), (GilbertElliott(0.2, 0.4),))
-
-
-def _settings(rng: np.random.Generator, medium: Any) -> LinkSettings:
-    return LinkSettings(
-        medium=medium,
-        rate=_rate(rng),
-        overhead=int(rng.integers(0, 5)),
-        queue=Queue(int(rng.integers(1, 5)), _one(rng, "drop-tail", "drop-head", "latest")),
-        loss=_loss(rng),
-        latency=_latency(rng),
-    )
-
-
-def _edges(rng: np.random.Generator) -> list[tuple[str, str]]:
-    """A random tree of two to five agents, and perhaps one edge more."""
-    count = int(rng.integers(2, 6))
-    edges = [(str(int(rng.integers(1, late))), str(late)) for late in range(2, count + 1)]
-    extra = tuple(str(end) for end in sorted(rng.choice(np.arange(1, count + 1), 2, replace=False)))
-    return edges if extra in edges else [*edges, (extra[0], extra[1])]
-
-
-def _faults(rng: np.random.Generator, edges: list[tuple[str, str]]) -> list[Fault]:
-    """Changes of everything that shapes a promise, and pauses; on whole milliseconds, so that instants coincide."""
-    faults: list[Fault] = []
-    for number in range(int(rng.integers(0, 6))):
-        at = int(rng.integers(0, DURATION_MS)) * MS
-        until = None if rng.random() < 0.3 else at + int(rng.integers(1, 60)) * MS
-        a, b = edges[rng.integers(len(edges))]
-        changes = _one(
-            rng,
-            {"latency": _latency(rng)},
-            {"rate": _rate(rng)},
-            {"medium": _medium(rng)},
-            {"rate": _rate(rng), "latency": _latency(rng), "loss": _loss(rng)},
-            {"cut": True},
-            None,
-        )
-        if changes is None:
-            faults.append(Pause(f"t{number}", at, until or at + 20 * MS, a))
-        else:
-            faults.append(LinkFault(f"t{number}", at, until, ((a, b), (b, a)), changes))
-    return faults
-
-
-@pytest.fixture(name="drawn_plan")
-def drawn_plan_fixture(plan_of: Callable[..., Plan], parameters_of: Callable[..., Any], probe: World) -> Any:
-    """Draw a plan: graph, media, rates, latencies, losses, queues, phases, faults."""
-
-    def draw(kind: type[Agent], seed: int) -> Plan:
-        rng = np.random.default_rng(seed)
-        edges = _edges(rng)
-        media = {edge: _medium(rng) for edge in edges}
-        links = {link: _settings(rng, medium) for edge, medium in media.items() for link in (edge, (edge[1], edge[0]))}
-        names = {name for edge in edges for name in edge}
-        phases = {name: int(rng.integers(0, 20)) * MS // 2 for name in sorted(names)}
-        parameters = {name: parameters_of(_one(rng, 20.0, 30.0, 50.0), phase) for name, phase in phases.items()}
-        return plan_of(
-            edges,
-            kind,
-            links,
-            _faults(rng, edges),
-            DURATION_MS,
-            parameters=parameters,
-            compute_ns=_one(rng, 200_000, MS, 3 * MS),
-            seed=seed,
-            world=_one(rng, None, probe),
-        )
-
-    return draw
 
 
 def _entries(batches: Mapping[Any, Batch]) -> dict[Any, list[Any]]:
@@ -198,6 +133,13 @@ def _entries(batches: Mapping[Any, Batch]) -> dict[Any, list[Any]]:
     }
 
 
+def assert_equal(locked: Record, twin: Record) -> None:
+    """The same estimates and stories, no frame late, and every account closed."""
+    assert _entries(locked.batches) == _entries(twin.batches)
+    assert not any(batch.late for record in (locked, twin) for batch in record.batches.values())
+    assert all(link.closes for link in account(locked).values())
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_lockstep_equals_the_twin(
@@ -205,7 +147,34 @@ def test_lockstep_equals_the_twin(
 ) -> None:
     """No promise is broken, nobody waits for ever, and every estimate and every frame's story is the twin's."""
     plan = drawn_plan(request.getfixturevalue(who), seed)
-    locked, twin = Network(plan, seed).run(), twin_run(plan)
-    assert _entries(locked.batches) == _entries(twin.batches)
-    assert not any(batch.late for record in (locked, twin) for batch in record.batches.values())
-    assert all(link.closes for link in account(locked).values())
+    network = Network(plan, seed)
+    network.start()
+    assert_equal(network.finish(), twin_run(plan))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("who", ["talker", "answerer"])
+def test_live_faults_equal_the_twin(
+    who: str, seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+) -> None:
+    """A fault from outside, and its end, take effect at one instant everywhere: the twin that knew of it agrees."""
+    plan = drawn_plan(request.getfixturevalue(who), seed)
+    network = Network(plan, seed)
+    network.start()
+    rng = np.random.default_rng(seed)
+    network.deliver_some(int(rng.integers(0, 60)))
+    begun = network.inject(lambda at_ns: _live_fault(rng, plan, at_ns))
+    network.deliver_some(int(rng.integers(0, 60)))
+    ended = network.inject(lambda at_ns: replace(begun, until_ns=at_ns))
+    assert_equal(network.finish(), twin_run(replace(plan, faults=(*plan.faults, ended))))
+
+
+def _live_fault(rng: np.random.Generator, plan: Plan, at_ns: int) -> Fault:
+    """Some change of everything, or a pause, until it is cleared."""
+    agent = plan.agents[rng.integers(len(plan.agents))]
+    if rng.random() < 0.25:
+        return Pause("l1", at_ns, None, agent.name)
+    medium = HalfDuplex(access=Aloha()) if rng.random() < 0.5 else FullDuplex()
+    changes = {"latency": Constant(int(rng.integers(0, 5 * MS))), "rate": 2e6, "medium": medium}
+    edge = (agent.name, agent.neighbours[0])
+    return LinkFault("l1", at_ns, None, (edge, edge[::-1]), changes)
