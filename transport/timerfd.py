@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import ctypes
 import os
+import threading
 import time
 from collections.abc import Callable
 
@@ -28,19 +29,19 @@ class TimerFd:
     def __init__(self, loop: asyncio.AbstractEventLoop, wake: Callable[[], None]) -> None:
         self._loop = loop
         self._wake = wake
-        self._spec = _Itimerspec()
-        self._pointer = ctypes.byref(self._spec)
+        spec = _Itimerspec()
+        self._value, self._pointer = spec.value, ctypes.byref(spec)
+        self._lock = threading.Lock()
         self._fd = _libc.timerfd_create(time.CLOCK_MONOTONIC, _NONBLOCK_CLOEXEC)
         if self._fd < 0:
             raise OSError(ctypes.get_errno(), "timerfd_create")
         loop.add_reader(self._fd, self._fired)
 
     def set(self, monotonic_ns: int) -> None:
-        """Fire at this instant, at once if it has passed."""
-        seconds, nanoseconds = divmod(max(monotonic_ns, 1), _BILLION)
-        self._spec.value.seconds = seconds
-        self._spec.value.nanoseconds = nanoseconds
-        _libc.timerfd_settime(self._fd, _ABSOLUTE, self._pointer, None)
+        """Fire at this instant, at once if it has passed; called on any thread."""
+        with self._lock:
+            self._value.seconds, self._value.nanoseconds = divmod(max(monotonic_ns, 1), _BILLION)
+            _libc.timerfd_settime(self._fd, _ABSOLUTE, self._pointer, None)
 
     def _fired(self) -> None:
         try:
@@ -52,4 +53,6 @@ class TimerFd:
     def close(self) -> None:
         """Give the descriptor back."""
         self._loop.remove_reader(self._fd)
-        os.close(self._fd)
+        with self._lock:
+            os.close(self._fd)
+            self._fd = -1
