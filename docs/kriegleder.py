@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from volery.agents.plan import Plan
 from volery.estimators import covariance, noncollinear
 from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import _BLACK, _BLUE, _GREEN, _GREY, _SKY, _STYLE, _VERMILION
+from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
 from volery.experiments.record import Collector, Record
 from volery.experiments.samples import samples
 from volery.experiments.scenario import compile_plan, load_scenario
@@ -32,7 +32,7 @@ from volery.experiments.twin import Twin
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
 from volery.worlds import Infrared, PlaneWorld
-from volery.worlds.sensors import _curves
+from volery.worlds.sensors import curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,10 +109,10 @@ def draw_array(axes: Axes, place: dict[str, Position], ratios: dict[str, float],
     """Hexagonal modules in their places, in the colours of their ratios; grey where there is none."""
     for name, (x, y, *_) in place.items():
         ratio = ratios[name]
-        colour = _GREY if math.isnan(ratio) else shades.cmap(ratio)
+        colour = GREY if math.isnan(ratio) else shades.cmap(ratio)
         axes.add_patch(RegularPolygon((x, y), 6, radius=MODULE_SPACING / math.sqrt(3), ec="white", lw=1.5, fc=colour))
         text = f"{name}\n" + ("none" if math.isnan(ratio) else f"{ratio:.2f}")
-        ink = "white" if ratio < 0.6 else _BLACK
+        ink = "white" if ratio < 0.6 else BLACK
         axes.text(x, y, text, ha="center", va="center", color=ink, fontsize=6.5)
     axes.set_aspect("equal")
     axes.autoscale_view()
@@ -161,7 +161,7 @@ def fig5(figure: Figure) -> Iterator[str]:
     figure.colorbar(
         shades, ax=left, label="connectivity λ", ticks=(0.1, 0.2, 0.3, 0.4, 0.5), format="{x:g}"
     ).minorticks_off()
-    for (number, marker), colour in zip(zip(SHOWN_ROUNDS, "os^", strict=True), (_SKY, _BLUE, _VERMILION), strict=True):
+    for (number, marker), colour in zip(zip(SHOWN_ROUNDS, "os^", strict=True), (SKY, BLUE, VERMILION), strict=True):
         right.semilogy(connectivity, 100 * errors[:, number - 1], marker, ms=4, color=colour, label=f"k = {number}")
     right.set_xlabel("connectivity λ")
     right.legend()
@@ -192,8 +192,8 @@ def fig7(figure: Figure) -> Iterator[str]:
     assert isinstance(sensor, Infrared)
     references = sensor.farthest * np.arange(1, sensor.references + 1) / sensor.references
     distances = np.linspace(sensor.nearest, sensor.farthest, 400)
-    for agent, colour in zip(plan.agents, (_BLUE, _VERMILION, _GREEN, _SKY), strict=True):
-        true, fitted = _curves(sensor, plan.seed, agent.name)
+    for agent, colour in zip(plan.agents, (BLUE, VERMILION, GREEN, SKY), strict=True):
+        true, fitted = curves(sensor, plan.seed, agent.name)
         voltages = [true.voltage(distance) for distance in distances]
         error = np.array([fitted.distance(voltage) for voltage in voltages]) - distances
         left.plot([true.voltage(distance) for distance in references], CM * references, "o", ms=3, color=colour)
@@ -207,7 +207,7 @@ def fig7(figure: Figure) -> Iterator[str]:
     left.legend()
     right.set_xlabel("distance m (cm)")
     right.set_ylabel("error of the calibrated curve (mm)")
-    right.axhline(0, color=_GREY, zorder=0)
+    right.axhline(0, color=GREY, zorder=0)
     slope = (sensor.typical.voltage(0.2) - sensor.typical.voltage(0.2001)) / 0.0001
     yield f"noise of {MM * sensor.noise:g} mV is {MM * sensor.noise / slope:.2f} mm at 20 cm"
 
@@ -265,11 +265,11 @@ def _shown(state: Floats) -> str:
 def draw_attitudes(heights: Axes, angles: Axes, held: list[Attitude]) -> None:
     """Means and standard deviations of the estimates; references as black lines."""
     numbers = range(len(held))
-    looks = ((heights, CM, _GREEN, "o"), (angles, DEG, _BLUE, "o"), (angles, DEG, _VERMILION, "s"))
+    looks = ((heights, CM, GREEN, "o"), (angles, DEG, BLUE, "o"), (angles, DEG, VERMILION, "s"))
     for component, (axes, factor, colour, marker) in enumerate(looks):
         mean, spread = ([factor * case[part][component] for case in held] for part in (1, 2))
         reference = [factor * case[0][component] for case in held]
-        axes.hlines(reference, [n - 0.4 for n in numbers], [n + 0.4 for n in numbers], color=_BLACK, lw=0.8)
+        axes.hlines(reference, [n - 0.4 for n in numbers], [n + 0.4 for n in numbers], color=BLACK, lw=0.8)
         axes.errorbar(
             numbers, mean, spread, fmt=marker, ms=3, lw=0.8, capsize=2, color=colour, label=STATE[component][0]
         )
@@ -312,13 +312,13 @@ def fig9(figure: Figure) -> Iterator[str]:
     figure.set_size_inches(PAGE_IN, 2.5)
     found = np.array([[spreads(size, seed) for seed in SEEDS] for size in SIZES])
     pooled = np.array([_rms(of_size) for of_size in found])
-    looks = (("modules, 30 rounds", _BLUE, "o"), ("centralised", _VERMILION, "^"), ("predicted by (14)", _BLACK, ""))
+    looks = (("modules, 30 rounds", BLUE, "o"), ("centralised", VERMILION, "^"), ("predicted by (14)", BLACK, ""))
     for component, ((name, unit, factor), axes) in enumerate(zip(STATE, figure.subplots(1, 3), strict=True)):
         for kind, (label, colour, marker) in enumerate(looks):
             line, shown = "-" if marker else "--", factor * pooled[:, kind, component]
             axes.loglog(SIZES, shown, line, color=colour, marker=marker, ms=4, label=label)
         for size, of_size in zip(SIZES, found, strict=True):
-            axes.plot([size] * len(of_size), factor * of_size[:, 0, component], ".", ms=3, color=_SKY)
+            axes.plot([size] * len(of_size), factor * of_size[:, 0, component], ".", ms=3, color=SKY)
         axes.minorticks_off()
         axes.set_xticks(SIZES, map(str, SIZES))
         lowest, highest = axes.get_ylim()
@@ -339,9 +339,9 @@ def fig9(figure: Figure) -> Iterator[str]:
 # -- Beyond: rounds that wait for nobody --------------------------------------------------------------------------
 
 LAWS = (
-    ("Metropolis", "metropolis-least-squares", _VERMILION),
-    ("running sum", "running-sum", _BLUE),
-    ("flow updating", "flow-updating", _GREEN),
+    ("Metropolis", "metropolis-least-squares", VERMILION),
+    ("running sum", "running-sum", BLUE),
+    ("flow updating", "flow-updating", GREEN),
 )
 
 
@@ -350,7 +350,7 @@ def asynchronous(figure: Figure) -> Iterator[str]:
     figure.set_size_inches(PAGE_IN, 2.8)
     axes = figure.subplots()
     for name, estimator, colour in LAWS:
-        record = simulate("dfa16-async", f"agents.estimator={estimator}", "agents.hold=true", "links.mtu=192 B")
+        record = simulate("dfa16-async", f"agents.estimator={estimator}", "agents.hold=true")
         seen = samples(record, "estimate")
         time_s, error = seen.time_ns / NANOSECONDS, seen.oracle_error.max(axis=1)
         axes.semilogy(time_s, error, color=colour, label=f"{name}: error")
@@ -359,7 +359,7 @@ def asynchronous(figure: Figure) -> Iterator[str]:
         yield f"{name}: after {time_s[-1]:.0f} s the largest error is {last[0]}, the disagreement {last[1]}"
     for fault in record.faults:
         from_s, until_s = fault.at_ns / NANOSECONDS, (fault.until_ns or 0) / NANOSECONDS
-        axes.axvspan(from_s, until_s, color=_GREY, alpha=0.6, lw=0, zorder=0)
+        axes.axvspan(from_s, until_s, color=GREY, alpha=0.6, lw=0, zorder=0)
         label = fault_label(fault, len(record.plan.links))
         axes.text(from_s, 1.02, label, transform=axes.get_xaxis_transform(), fontsize=7)
     axes.set_xlim(0, record.last_ns / NANOSECONDS)
@@ -388,7 +388,7 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     for name, draw in DRAWN.items():
         if asked.which in (name, "all"):
-            with style.context(_STYLE):
+            with style.context(STYLE):
                 figure = Figure(layout="constrained")
                 print(*(f"{name}: {line}" for line in draw(figure)), sep="\n")
                 figure.savefig(asked.out / f"kriegleder-{name}.png")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,20 +9,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput
 from .cli_detach import detached
-from .cli_folders import run_of
 from .cli_output import output, print_error, print_plain
 from .cli_parameters import RUNS, Overrides, RunsFolder, ScenarioSource
-from .fault_labels import fault_label
-from .metrics import Metrics, write_metrics
+from .metrics import Metrics
 from .progress import Progress
 from .record import load
 from .running import Engine, Options, Outcome, execute
 from .scenario import Scenario, compile_plan, load_scenario
-from .status import Status
 from .tables import metrics_tables
 from .validate import validate_plan
 
@@ -69,10 +64,7 @@ def run(
     validate_plan(plan, read.overload)
     if detach:
         return detached(_words(scenario, set_, options, strict=strict), options)
-    try:
-        outcome = _watched(read, plan, options)
-    except KeyboardInterrupt:
-        return _interrupted(options)
+    outcome = _watched(read, options)
     _print_metrics(outcome.metrics)
     for problem in outcome.problems:
         print_error(problem)
@@ -83,33 +75,9 @@ def run(
     return NOT_CERTIFIED if strict and not _as_asked(outcome) else 0
 
 
-def _watched(scenario: Scenario, plan: Plan, options: Options) -> Outcome:
+def _watched(scenario: Scenario, options: Options) -> Outcome:
     with Progress(output(), scenario.name) as progress:
-
-        def watch(status: Status) -> None:
-            faults = _timeline(plan, status.time_ns) | status.faults
-            progress.show({**status.to_dict(), "faults": faults})
-
-        return execute(scenario, options, watch)
-
-
-def _timeline(plan: Plan, now_ns: int) -> dict[str, str]:
-    """The faults of the scenario that are in force."""
-    return {
-        fault.id: fault_label(fault, len(plan.links))
-        for fault in plan.faults
-        if fault.at_ns <= now_ns and (fault.until_ns is None or now_ns < fault.until_ns)
-    }
-
-
-def _interrupted(options: Options) -> int:
-    """What there is to say of a run that Ctrl-C broke off."""
-    folder = run_of(os.getpid(), options.runs)
-    if folder is not None:
-        _print_metrics(write_metrics(folder))
-        _print_folder(folder)
-    print_error("interrupted; what was recorded until then is kept")
-    return FAILED
+        return execute(scenario, options, lambda status: progress.show(status.to_dict()))
 
 
 def _print_metrics(metrics: Metrics) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -16,6 +17,11 @@ def fault_label(fault: Fault, link_count: int) -> str:
     if isinstance(fault, LinkFault):
         return f"{', '.join(_change(*change) for change in fault.changes.items())} {_place(fault.links, link_count)}"
     return f"{'kill' if isinstance(fault, Kill) else 'pause'} {fault.agent}"
+
+
+def in_words(faults: Mapping[str, Fault], link_count: int) -> dict[str, str]:
+    """Faults by id, each as its short name."""
+    return {name: fault_label(fault, link_count) for name, fault in faults.items()}
 
 
 def _change(name: str, value: Any) -> str:

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 FIGURES = ("estimates", "disagreement", "links", "overview")
 _COLUMN_IN, _PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
-_SKY, _BLUE, _VERMILION, _GREEN, _BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#000000"
-_GREY, _DARK_GREY = "#D9D9D9", "#444444"
-_STYLE: dict[str, Any] = {
+SKY, BLUE, VERMILION, GREEN, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#000000"
+GREY, _DARK_GREY = "#D9D9D9", "#444444"
+STYLE: dict[str, Any] = {
     "pdf.fonttype": 42,
     "ps.fonttype": 42,
     "font.size": 8,
@@ -87,7 +87,7 @@ def draw(
     subject = _Subject(record, quantity)
     paths = []
     out.mkdir(parents=True, exist_ok=True)
-    with style.context(_STYLE):
+    with style.context(STYLE):
         for name in names:
             figure = Figure(layout="constrained")
             _draw(name, subject, figure)
@@ -152,12 +152,12 @@ def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure) ->
     time_s = seen.time_ns / NANOSECONDS
     truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)
     for number, ((name, unit, factor), axes) in enumerate(zip(labels, panels, strict=True)):
-        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=_SKY, alpha=0.5, linewidth=0.5)
+        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=SKY, alpha=0.5, linewidth=0.5)
         lines = {f"agents ({len(seen.agents)})": agents[0]}
         if not np.isnan(oracle[:, number]).all():
-            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=_VERMILION)
+            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=VERMILION)
         if not np.isnan(truth[:, number]).all():
-            (lines["truth"],) = axes.plot(time_s, factor * truth[:, number], color=_BLACK, linestyle="--")
+            (lines["truth"],) = axes.plot(time_s, factor * truth[:, number], color=BLACK, linestyle="--")
         axes.set_ylabel(f"{name} ({unit})" if unit else name)
         _shade(record, axes, named=number == 0)
     _legend(figure, lines)
@@ -170,7 +170,7 @@ def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure)
     """Disagreement, error to oracle and error to truth over time, logarithmic, with the spans of the faults."""
     axes = figure.subplots()
     lines = {}
-    looks = ((_BLUE, ":", 3), (_VERMILION, "-", 2), (_GREEN, "-", 1))
+    looks = ((BLUE, ":", 3), (VERMILION, "-", 2), (GREEN, "-", 1))
     for (name, course), (colour, dashes, order) in zip(courses(seen).items(), looks, strict=True):
         shown = np.where(course.rms > 0, course.rms, np.nan)
         if not np.isnan(shown).all():
@@ -193,7 +193,7 @@ def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure:
     for (source, target), one in accounts.items():
         matrix[place[source], place[target]] = one.delivered_fraction
     axes = figure.subplots()
-    axes.set_facecolor(_GREY)
+    axes.set_facecolor(GREY)
     lowest = np.nanmin(matrix) if not np.isnan(matrix).all() else 0.0
     image = axes.imshow(100 * matrix, cmap="viridis", vmin=min(90.0, 100 * lowest), vmax=100, interpolation="nearest")
     bar = figure.colorbar(image, ax=axes, label="delivered (%)")
@@ -222,7 +222,7 @@ def _shade(record: Record, axes: Axes, *, named: bool) -> None:
     for fault in record.faults:
         from_s = fault.at_ns / NANOSECONDS
         until_s = last_s if fault.until_ns is None else fault.until_ns / NANOSECONDS
-        axes.axvspan(from_s, min(until_s, last_s), color=_GREY, alpha=0.6, linewidth=0, zorder=0)
+        axes.axvspan(from_s, min(until_s, last_s), color=GREY, alpha=0.6, linewidth=0, zorder=0)
         level = (level + 1) % _LEVELS if from_s - before_s < _CLOSE * last_s else 0
         before_s = from_s
         if named:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..agents.registry import find
 from ..errors import BadInput
-from ..transport.faults import Fault, Kill, LinkFault, Pause, effective, to_plain
+from ..transport.faults import Fault, Kill, LinkFault, Pause, effective, in_force, to_plain
 from .fitting import settings_problems
 from .swarm import Swarm
 from .timeline import parse_fault
@@ -31,12 +31,7 @@ class Injector:
 
     def in_force(self) -> dict[str, Fault]:
         """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
-        now = max(self._swarm.now_ns(), self._newest_ns)
-        return {
-            name: fault
-            for name, fault in self._faults.items()
-            if fault.at_ns <= now and (fault.until_ns is None or now < fault.until_ns)
-        }
+        return in_force(self._faults.values(), max(self._swarm.now_ns(), self._newest_ns))
 
     async def inject(self, written: Mapping[str, Any]) -> str:
         """Let a fault take effect, written as an entry of the timeline without `at`; what was done, in words.

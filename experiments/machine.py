@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+import scipy.linalg  # loads scipy's own BLAS, so that every process lists the same libraries
 from threadpoolctl import threadpool_info
 
 

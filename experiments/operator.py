@@ -16,7 +16,7 @@ import msgpack
 from ..errors import BadInput, RunFailed, VoleryError
 from ..transport import zenoh_session as zs
 from ..transport.keys import OPERATOR, Keys
-from .fault_labels import fault_label
+from .fault_labels import in_words
 from .live import Injector
 from .swarm import Swarm
 
@@ -74,9 +74,7 @@ class Desk:
             return {"error": str(error), "exit_code": error.exit_code}
 
     async def _status(self) -> dict[str, Any]:
-        self._swarm.status.faults = {
-            name: fault_label(fault, len(self._swarm.plan.links)) for name, fault in self._injector.in_force().items()
-        }
+        self._swarm.status.faults = in_words(self._injector.in_force(), len(self._swarm.plan.links))
         return self._swarm.status.to_dict()
 
     async def _stop(self) -> str:

@@ -7,18 +7,22 @@ import contextlib
 import json
 import os
 import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from types import FrameType
 from typing import Any, Literal
 
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
+from ..transport.faults import in_force
 from ..transport.keys import Keys
 from .compile import compile_plan
+from .fault_labels import in_words
 from .figures import plot
 from .live import Injector
 from .machine import fingerprint
@@ -121,18 +125,37 @@ def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
             status.take(batch, status.time_ns)
             recorder(batch)
 
-    def progress(now_ns: int) -> None:
+    interrupted: list[int] = []
+
+    def go_on(now_ns: int) -> bool:
         status.time_ns = now_ns
+        status.faults = in_words(in_force(plan.faults, now_ns), len(plan.links))
         if watch is not None:
             watch(status)
+        return not interrupted
 
-    Twin(plan, Sink()).run(progress)
+    with _on_interrupt(lambda number, _frame: interrupted.append(number)):
+        Twin(plan, Sink()).run(go_on)
     return Ending((), time.monotonic() - began)
+
+
+@contextlib.contextmanager
+def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Ctrl-C ends the run and not the program; in another thread than the main one it cannot be caught."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 async def _run_swarm(plan: Plan, recorder: Recorder, folder: Path, options: Options, watch: Watch | None) -> Ending:
     swarm = Swarm(plan, recorder, folder.name, options.pace, options.speed, options.listen)
-    desk = Desk(swarm, Injector(swarm, recorder))
+    injector = Injector(swarm, recorder)
+    desk = Desk(swarm, injector)
     loop = asyncio.get_running_loop()
     stopping: set[asyncio.Task[None]] = set()
 
@@ -143,6 +166,7 @@ async def _run_swarm(plan: Plan, recorder: Recorder, folder: Path, options: Opti
         while True:
             await asyncio.sleep(FLUSH_EVERY_S)
             recorder.flush()
+            swarm.status.faults = in_words(injector.in_force(), len(plan.links))
             if watch is not None:
                 watch(swarm.status)
 

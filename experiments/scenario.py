@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -38,6 +39,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
         BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`.
     """
     name, label, text, folder = find_source(source)
+    _reach(Path.cwd(), folder)
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)
     overridden = any(path[:2] in {("topology",), ("topology", "file")} for path in document.overrides)
@@ -50,6 +52,11 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     if problems:
         raise document.error(problems)
     return scenario
+
+
+def _reach(*folders: Path) -> None:
+    """Let `kind: module:Class` find modules in these folders; what is installed comes first."""
+    sys.path.extend(place for place in map(str, folders) if place not in sys.path)
 
 
 def _anchor(topology: Any, folder: Path) -> None:

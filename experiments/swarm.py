@@ -102,6 +102,7 @@ class Swarm:
         self._problems: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._end_ns = plan.duration_ns
+        self._living: dict[str, int] = {}
         self._restarts_due: dict[str, int] = {}
 
     async def run(self) -> Ending:
@@ -189,7 +190,8 @@ class Swarm:
     def now_ns(self) -> int:
         """Nominal time: by the clock in realtime pace, else as last told by the agents."""
         if self.pace == "realtime":
-            return max(0, int((time.monotonic_ns() - self._epoch_ns) * self._speed))
+            elapsed_ns = time.monotonic_ns() - self._epoch_ns if self._epoch_ns else 0
+            return max(0, int(elapsed_ns * self._speed))
         return self.status.time_ns
 
     def ahead_ns(self, wall_s: float) -> int:
@@ -219,8 +221,12 @@ class Swarm:
         return {name: pid for name, pid in newest.items() if pid is not None}
 
     def is_alive(self, name: str) -> bool:
-        """Whether the agent's newest process lives."""
-        return not self._members[self.current(name)].ended.is_set()
+        """Whether the agent is alive; a process on standby is not."""
+        return name in self.status.alive
+
+    def _lives(self, name: str, incarnation: int) -> None:
+        self._living[name] = incarnation
+        self.status.alive.add(name)
 
     async def standby(self, name: str) -> tuple[str, int]:
         """A new process for an agent, joined but not yet alive in nominal time."""
@@ -237,6 +243,7 @@ class Swarm:
         faults = [to_plain(fault) for fault in self.live_faults.values() if not isinstance(fault, Kill)]
         order = {"do": "start", "epoch_ns": self._epoch_ns, "start_ns": start_ns, "faults": faults}
         await self.order(order, name, incarnation)
+        self._lives(name, incarnation)
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
     def restart_later(self, kill: Kill) -> None:
@@ -300,14 +307,15 @@ class Swarm:
             name, incarnation = Keys.agent_of(str(sample.key_expr))
             if sample.kind == zs.PUT and (name, incarnation) in self._members:
                 self._members[name, incarnation].joined.set()
-                self.status.alive.add(name)
+                if incarnation == 0:
+                    self._lives(name, incarnation)
 
     def _process_ended(self, name: str, incarnation: int) -> None:
         member = self._members[name, incarnation]
         self._loop.remove_reader(member.process.sentinel)
         member.process.join()
         member.ended.set()
-        if self.current(name) == (name, incarnation):
+        if self._living.get(name) == incarnation:
             self.status.alive.discard(name)
         if not (member.done and member.process.exitcode == 0):
             cause = "injected" if member.kill_expected else _cause(member.process.exitcode)

@@ -59,7 +59,8 @@ class Twin:
         )
 
     def _node(self, name: str, incarnation: int, start_ns: int) -> Node:
-        return Node(self._plan, name, self._heap, self._carry(name), incarnation, start_ns, self._order[name])
+        index = self._order[name] + incarnation * len(self._order)
+        return Node(self._plan, name, self._heap, self._carry(name), incarnation, start_ns, index)
 
     def _carry(self, source: str) -> Put:
         def put(target: str, frame: Frame) -> None:
@@ -75,20 +76,25 @@ class Twin:
         self.nodes[name] = self._node(name, incarnation, event[TIME])
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[TIME]})
 
-    def run(self, progress: Callable[[int], None] | None = None) -> None:
-        """Handle every event before the end; `progress` is told the nominal time in nanoseconds."""
+    def run(self, go_on: Callable[[int], bool] | None = None) -> int:
+        """Handle every event before the end; the nominal instant in nanoseconds that was reached.
 
-        def flush(now_ns: int) -> None:
+        `go_on` is told the time now and then, and ends the run there by saying no.
+        """
+
+        def flush(now_ns: int) -> bool:
             for node in (*self._dead, *self.nodes.values()):
                 if batch := node.take_journal():
                     self._sink(batch)
-            if progress is not None:
-                progress(now_ns)
+            return go_on is None or go_on(now_ns)
 
         self._sink.event({"event": "started", "time_ns": 0})
-        fabric.run(self._heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
+        end_ns = fabric.run(self._heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
         for node in self.nodes.values():
             if not node.dead:
                 node.finish()
-        flush(self._plan.duration_ns)
-        self._sink.event({"event": "finished", "time_ns": self._plan.duration_ns})
+        flush(end_ns)
+        if end_ns < self._plan.duration_ns:
+            self._sink.event({"event": "stopped", "time_ns": end_ns})
+        self._sink.event({"event": "finished", "time_ns": end_ns})
+        return end_ns

@@ -53,11 +53,16 @@ class Pause(_Span):
 Fault = LinkFault | Kill | Pause
 
 
+def in_force(faults: Iterable[Fault], now_ns: int) -> dict[str, Fault]:
+    """The faults that hold at an instant, by id."""
+    return {fault.id: fault for fault in faults if fault.in_force(now_ns)}
+
+
 def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], now_ns: int) -> LinkSettings:
     """The settings of a link at an instant: its own, changed by the faults in force, the later start on top."""
-    in_force = [fault for fault in faults if link in fault.links and fault.in_force(now_ns)]
+    touching = [fault for fault in faults if link in fault.links and fault.in_force(now_ns)]
     changes: dict[str, Any] = {}
-    for fault in sorted(in_force, key=lambda fault: (fault.at_ns, fault.id)):
+    for fault in sorted(touching, key=lambda fault: (fault.at_ns, fault.id)):
         changes.update(fault.changes)
     return replace(base, **changes) if changes else base
 

@@ -77,7 +77,7 @@ class Infrared:
 
     def reading(self, distance: float, seed: int, agent: str, index: int) -> float | None:
         """The distance by the calibrated curve, None where it is out of the sensor's range."""
-        curve, calibrated = _curves(self, seed, agent)
+        curve, calibrated = curves(self, seed, agent)
         voltage = curve.voltage(distance) + self.noise * _noise(seed, "infrared noise", agent).normal(index)
         if voltage <= 0.0:
             return None
@@ -92,7 +92,7 @@ def _noise(seed: int, purpose: str, agent: str) -> Stream:
 
 
 @lru_cache(maxsize=_CACHED_AGENTS)
-def _curves(sensor: Infrared, seed: int, agent: str) -> tuple[Calibration, Calibration]:
+def curves(sensor: Infrared, seed: int, agent: str) -> tuple[Calibration, Calibration]:
     """A module's true curve, and the one that its calibration found."""
     variation = stream(seed, "infrared curve", agent)
     curve = Calibration(

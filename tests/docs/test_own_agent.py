@@ -98,9 +98,6 @@ def test_the_same_from_python(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(printed.split()[-1]) < 1e-8
 
 
-@pytest.mark.xfail(
-    strict=True, reason="load_scenario does not look beside the scenario and in the working directory yet"
-)
 @pytest.mark.parametrize("scenario", ["room.yaml", "room/room.yaml", "../room/room.yaml"])
 def test_the_module_is_found_beside_the_scenario(tmp_path: Path, scenario: str) -> None:
     """As the installed command has it: Python itself does not look in the working directory."""
@@ -113,7 +110,6 @@ def test_the_module_is_found_beside_the_scenario(tmp_path: Path, scenario: str) 
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.xfail(strict=True, reason="as above")
 def test_the_module_is_found_in_the_working_directory(tmp_path: Path) -> None:
     """The scenario may lie elsewhere, as the one in a run's folder does."""
     (tmp_path / "elsewhere").mkdir()
