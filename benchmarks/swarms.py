@@ -1,0 +1,128 @@
+"""Volery's side of the benchmarks: plans of talking agents, and what a swarm of them measures about itself."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from bench_agents import PulseParameters
+from shapes import BEGIN_NS, PAYLOAD_BYTES, SECOND_NS, cpu_summary, delay_summary, end_ns, phase_ns, pss_mb, ring
+
+from volery.agents.journal import Batch
+from volery.agents.plan import AgentPlan, Plan
+from volery.agents.process import Pace
+from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.swarm import Ending, Swarm
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings
+
+
+def pulses(
+    kind: str, neighbours: Mapping[str, tuple[str, ...]], rate: float, seconds: float, settings: LinkSettings
+) -> Plan:
+    """A plan of agents that send to every neighbour at a rate, spread over the period."""
+    duration_ns = int(seconds * SECOND_NS)
+
+    def parameters(index: int) -> PulseParameters:
+        phase = phase_ns(index, len(neighbours), rate)
+        return PulseParameters(rate, phase, PAYLOAD_BYTES, BEGIN_NS, end_ns(seconds))
+
+    agents = tuple(
+        AgentPlan(name, kind, parameters(index), near, {other: len(neighbours[other]) for other in (name, *near)})
+        for index, (name, near) in enumerate(neighbours.items())
+    )
+    return Plan("bench", 1, duration_ns, agents, {(a, b): settings for a, near in neighbours.items() for b in near})
+
+
+class Collected:
+    """A sink that keeps what the benchmark's agents report, and what each process says of itself in the end."""
+
+    def __init__(self) -> None:
+        self.reports: dict[str, list[list[float]]] = {}
+        self.done: list[dict[str, Any]] = []
+        self.heard = 0
+
+    def __call__(self, batch: Batch) -> None:
+        """Take the entries of one agent."""
+        self.heard += len(batch.heard)
+        for estimate in batch.estimates:
+            self.reports.setdefault(estimate.quantity, []).append(estimate.value)
+        self.done += [event for event in batch.events if event["event"] == "done"]
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Events of the run tell nothing here."""
+
+
+class TimedSwarm(Swarm):
+    """A swarm that notes when it has joined, when nominal time 0 was, and when it was over, on the monotonic clock."""
+
+    joined_ns = epoch_ns = over_ns = 0
+
+    async def order(self, order: Mapping[str, Any], *to: Any, **keywords: Any) -> dict[tuple[str, int], Any]:
+        """Note the first order and the last on their way."""
+        if order["do"] == "start":
+            self.joined_ns, self.epoch_ns = time.monotonic_ns(), order["epoch_ns"]
+        elif order["do"] == "stop":
+            self.over_ns = time.monotonic_ns()
+        return await super().order(order, *to, **keywords)
+
+
+def run(plan: Plan, pace: Pace = "realtime") -> tuple[Collected, TimedSwarm]:
+    """A whole run; it must end well."""
+    collected = Collected()
+
+    async def life() -> tuple[TimedSwarm, Ending]:
+        swarm = TimedSwarm(plan, collected, "bench", pace)
+        return swarm, await swarm.run()
+
+    swarm, ending = asyncio.run(life())
+    if ending.problems:
+        raise RuntimeError("; ".join(ending.problems))
+    return collected, swarm
+
+
+# -- samples, see measuring.fresh ---------------------------------------------------------------------------------
+
+
+def delay(agents: int, degree: int, rate: float, seconds: float, latency_ms: float) -> dict[str, float]:
+    """Delivered minus due, in µs: least, median and 99th percentile over all frames of a realtime run."""
+    settings = LinkSettings(latency=Constant(int(latency_ms * 1e6)))
+    plan = pulses("bench_agents:Stopwatch", ring(agents, degree), rate, seconds, settings)
+    collected, swarm = run(plan)
+    return delay_summary([error - swarm.epoch_ns for errors in collected.reports["error"] for error in errors])
+
+
+def cpu(agents: int, degree: int, rate: float, seconds: float, latency_ms: float) -> dict[str, float]:
+    """Processor time of all agents per frame handled, in µs, in a realtime run."""
+    settings = LinkSettings(latency=Constant(int(latency_ms * 1e6)))
+    plan = pulses("bench_agents:Meter", ring(agents, degree), rate, seconds, settings)
+    return cpu_summary(run(plan)[0].reports["meter"])
+
+
+def startup(agents: int, seconds: float) -> dict[str, float]:
+    """Seconds from nothing until every agent has joined, and memory per agent in MB after a while of running."""
+    plan = pulses("bench_agents:Pulse", ring(agents, 4), 2.0, seconds, LinkSettings(latency=Constant(20_000_000)))
+
+    async def life() -> dict[str, float]:
+        began = time.monotonic_ns()
+        swarm = TimedSwarm(plan, Collected(), "bench")
+        running = asyncio.create_task(swarm.run())
+        await swarm.ready.wait()
+        await asyncio.sleep(seconds / 2)
+        pss = pss_mb([pid for process in multiprocessing.active_children() if (pid := process.pid)])
+        await running
+        return {"alive_s": (swarm.joined_ns - began) / 1e9, "pss_mb": pss}
+
+    return asyncio.run(life())
+
+
+def lockstep(scenario: str, overrides: list[str]) -> dict[str, float]:
+    """Nominal seconds per wall second of a scenario in lockstep pace, and memory per agent in MB at its end."""
+    plan = compile_plan(load_scenario(scenario, overrides))
+    collected, swarm = run(plan, "lockstep")
+    pss = sum(event["pss_kb"] for event in collected.done) / len(collected.done) / 1024
+    wall_s = (swarm.over_ns - swarm.joined_ns) / 1e9
+    return {"speed": plan.duration_ns / 1e9 / wall_s, "frames_per_s": collected.heard / wall_s, "pss_mb": pss}

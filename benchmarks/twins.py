@@ -1,0 +1,71 @@
+"""The same message pattern in volery's twin, through its whole pipeline, and in SimPy, where a link is a delay."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from typing import Any
+
+import simpy
+from shapes import SECOND_NS, phase_ns, ring
+from swarms import Collected, pulses
+
+from volery.experiments.twin import Twin
+from volery.transport.latencies import Normal
+from volery.transport.links import LinkSettings
+from volery.transport.losses import GilbertElliott
+from volery.transport.media import HalfDuplex, Tdma
+
+DEGREE = 4
+RATE = 50.0
+LATENCY_S = 0.002
+FULL = LinkSettings(
+    medium=HalfDuplex(access=Tdma(100.0, 200_000)),
+    rate=1e6,
+    loss=(GilbertElliott(0.05, 0.3),),
+    latency=Normal(2_000_000, 500_000),
+)
+
+
+def twin_run(agents: int, frames: int) -> dict[str, float]:
+    """CPU µs per frame that reached its receiver's end of the link, lost ones included."""
+    plan = pulses("bench_agents:Pulse", ring(agents, DEGREE), RATE, frames / (agents * DEGREE * RATE), FULL)
+    sink = Collected()
+    run = Twin(plan, sink)
+    began = time.process_time()
+    run.run()
+    return {"cpu_us": (time.process_time() - began) / sink.heard * 1e6, "frames": sink.heard}
+
+
+def simpy_run(agents: int, frames: int) -> dict[str, float]:
+    """CPU µs per message: a sender per agent, and per link a store, a process for each delay, and a receiver."""
+    world = simpy.Environment()
+    neighbours = ring(agents, DEGREE)
+    stores = {(a, b): simpy.Store(world) for a, near in neighbours.items() for b in near}
+    payload = b"x" * 40
+    heard = 0
+
+    def delayed(store: simpy.Store) -> Generator[Any, Any, None]:
+        yield world.timeout(LATENCY_S)
+        yield store.put(payload)
+
+    def sender(name: str, first_s: float) -> Generator[Any, Any, None]:
+        yield world.timeout(first_s)
+        while True:
+            for other in neighbours[name]:
+                world.process(delayed(stores[name, other]))
+            yield world.timeout(1 / RATE)
+
+    def receiver(store: simpy.Store) -> Generator[Any, Any, None]:
+        nonlocal heard
+        while True:
+            yield store.get()
+            heard += 1
+
+    for index, name in enumerate(neighbours):
+        world.process(sender(name, phase_ns(index, agents, RATE) / SECOND_NS))
+    for store in stores.values():
+        world.process(receiver(store))
+    began = time.process_time()
+    world.run(until=frames / (agents * DEGREE * RATE))
+    return {"cpu_us": (time.process_time() - began) / heard * 1e6, "frames": heard}
