@@ -165,9 +165,7 @@ class Realtime:
 class Lockstep:
     """Handles an event when every neighbour has promised that nothing earlier can come."""
 
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard
-    ) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard) -> None:
         self.mail = Mailbox()
         self.lateness_ns: list[int] = []
         self._loop = loop
