@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import fcntl
 import gc
 import os
 import resource
@@ -54,8 +55,24 @@ def main(assignment: Assignment, path: list[str]) -> None:
     """Entry of the process; `path` is where the user's own modules are found."""
     gc.freeze()  # what was loaded before the fork stays shared: the collector writes into every object that it looks at
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _end_with_supervisor()
     sys.path[:] = path
     uvloop.run(_Shell(assignment).live())
+
+
+def _end_with_supervisor() -> None:
+    """Let the kernel kill this process when the supervisor is gone, which closes its end of a pipe then.
+
+    So no agent is left over that still joins, or whose own code never comes back to the loop.
+    """
+    parent = parent_process()
+    assert parent is not None
+    pipe = parent.sentinel
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    if not parent.is_alive():
+        sys.exit(1)
 
 
 class _Shell:
@@ -74,9 +91,6 @@ class _Shell:
         it, keys = self._it, self._keys
         loop = self._loop = asyncio.get_running_loop()
         self._stopped = asyncio.Event()
-        parent = parent_process()
-        if parent is not None:
-            loop.add_reader(parent.sentinel, self._stopped.set)
         session = zs.open_client(it.endpoint, zs.Credentials(it.name, it.password))
         try:
             me = it.plan.agent(it.name)
