@@ -108,7 +108,7 @@ def test_live_faults_are_written_as_in_the_timeline() -> None:
 @pytest.mark.parametrize(
     ("written", "message"),
     [
-        ({"cut": "2-3", "foor": "2s"}, "foor: unknown field (did you mean 'for'?)"),
+        ({"cut": "2-3", "fors": "2s"}, "fors: unknown field (did you mean 'for'?)"),
         ({"set": {"los": 0.3}, "where": "all"}, "set.los: unknown field (did you mean 'loss'?)"),
         ({"set": {"loss": -0.3}, "where": "all"}, "set.loss: loss probability is -0.3"),
         ({"cut": "2-3", "until": "1 s"}, "until: until is 1 s and at 1 s"),
