@@ -120,8 +120,9 @@ def test_what_a_late_frame_causes_comes_after_now() -> None:
 
     bench.agent.react = react
     bench.frame(12, "late", sequence=1)
+    bench.frame(20, "now", "3")
     bench.until(30)
-    assert bench.agent.heard[-1] == ("over", 15 * MS, 20 * MS)
+    assert bench.agent.heard[-2:] == [("now", 20 * MS, 20 * MS), ("over", 15 * MS, 20 * MS)]
     assert [(target, frame.start_ns) for target, frame in bench.put] == [("2", 21 * MS)]
 
 
@@ -132,6 +133,7 @@ def test_frames_that_come_in_any_order_during_a_pause_are_sorted() -> None:
     for due in (20, 10, 15):
         bench.frame(due, str(due), sequence=due)
         bench.until(due + 1)
+    assert bench.node.now_ns == 20 * MS
     bench.until(51)
     assert bench.agent.heard == [(str(due), due * MS, 50 * MS) for due in (10, 15, 20)]
     assert bench.node.journal.late == []

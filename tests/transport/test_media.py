@@ -30,20 +30,21 @@ def slots_of(access: Tdma, slot: int, around_ns: int) -> list[tuple[int, int]]:
     guard=st.integers(0, 100 * US),
     half=st.integers(0, 10**5),
     offset=st.integers(-3, 3) | st.integers(0, 10**9),
+    tight=st.booleans(),
     share=st.floats(0, 1),
     slot=st.integers(0, EDGE_SLOTS - 1),
 )
 def test_tdma_starts_at_the_first_instant_that_fits(
-    cycle: float, guard: int, half: int, offset: int, share: float, slot: int
+    cycle: float, guard: int, half: int, offset: int, tight: bool, share: float, slot: int
 ) -> None:
     """Brute force over slots: the first start from `ready` on whose frame and guard lie inside the own slot.
 
-    `ready` lies on a border of slots, next to one, or anywhere.
+    `ready` lies on a border of slots, next to one, or anywhere; or so that the frame just fits, or just does not.
     """
     access = Tdma(cycle, guard)
     assume(access.usable_ns(EDGE_SLOTS) >= 1)
-    ready = max(0, period_ns(2 * cycle, half) + offset)
     airtime = 1 + int(share * (access.usable_ns(EDGE_SLOTS) - 1))
+    ready = max(0, period_ns(2 * cycle, half) + (offset % (guard + 3) - guard - airtime - 1 if tight else offset))
     starts = [
         max(ready, begin) for begin, end in slots_of(access, slot, ready) if max(ready, begin) + airtime + guard <= end
     ]

@@ -18,7 +18,11 @@ BASE = LinkSettings(latency=Constant(7))
 
 changes = st.fixed_dictionaries(
     {},
-    optional={"latency": st.builds(Constant, st.integers(0, 20)), "rate": st.just(1e9), "overhead": st.integers(0, 2)},
+    optional={
+        "latency": st.builds(Constant, st.sampled_from([0, 1, 7, 20])),
+        "rate": st.just(1e9),
+        "overhead": st.integers(0, 2),
+    },
 )
 faults = st.lists(
     st.builds(

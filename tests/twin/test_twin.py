@@ -347,6 +347,13 @@ def test_drops_are_told(script_of: PlanOf) -> None:
     assert (link.offered, link.queue, link.delivered, link.in_flight, link.closes) == (4, 2, 2, 0, True)
 
 
+def test_frames_that_wait_leave_one_after_the_other(script_of: PlanOf) -> None:
+    """Three frames offered at once, of 2 ms on the air each: as soon as one is off the air, the next starts."""
+    sends = tuple((10, "2", b"xx") for _ in range(3))
+    _, record = play(script_of({"1": Script(sends)}, LinkSettings(rate=8000.0)))
+    assert [sent.start_ns / MS for sent in record.batches["1", 0].sent] == [10.0, 12.0, 14.0]
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_every_frame_has_one_story(seed: int, drawn_plan: PlanOf, answerer: type[Agent], twin_run: Run) -> None:
     """Whatever links, faults, kills and restarts do, each link's account closes, and nothing is ever late."""
