@@ -219,11 +219,15 @@ class _Shell:
         if self._node is not None:
             self._telemetry.put(msgpack.packb(self._take()))
 
+    def _flush_now_and_then(self) -> None:
+        self._flushing = self._loop.call_later(FLUSH_EVERY_S, self._flush_now_and_then)
+        self._flush()
+
     async def _flush_until_stopped(self) -> None:
-        while not self._stopped.is_set():
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._stopped.wait(), FLUSH_EVERY_S)
-            self._flush()
+        self._flush_now_and_then()
+        await self._stopped.wait()
+        self._flushing.cancel()
+        self._flush()
         self._pacer.close()
 
     def _done(self) -> None:
