@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from measuring import in_turn, median_ratio, medians, table, verdict
 
-AGENTS, DEGREE, SECONDS, LATENCY_MS = 20, 4, 4.0, 2.0
+AGENTS, DEGREE, SECONDS, LATENCY_MS = 20, 4, 3.5, 2.0
 RATES = (2000, 5000)
-REPETITIONS = 3
+REPETITIONS = 4
 BOUND = 1.5
 
 

@@ -57,16 +57,18 @@ class Collected:
 
 
 class TimedSwarm(Swarm):
-    """A swarm that notes when it has joined, when nominal time 0 was, and when it was over, on the monotonic clock."""
+    """A swarm that notes when it had joined, when it was begun, nominal time 0, and its end, on the monotonic clock."""
 
-    joined_ns = epoch_ns = over_ns = 0
+    joined_ns = begun_ns = epoch_ns = over_ns = 0
 
     async def order(self, order: Mapping[str, Any], *to: Any, **keywords: Any) -> dict[tuple[str, int], Any]:
-        """Note the first order and the last on their way."""
+        """Note the first order, which follows the last token, the start and the end on their way."""
+        now_ns = time.monotonic_ns()
+        self.joined_ns = self.joined_ns or now_ns
         if order["do"] == "start":
-            self.joined_ns, self.epoch_ns = time.monotonic_ns(), order["epoch_ns"]
+            self.begun_ns, self.epoch_ns = now_ns, order["epoch_ns"]
         elif order["do"] == "stop":
-            self.over_ns = time.monotonic_ns()
+            self.over_ns = now_ns
         return await super().order(order, *to, **keywords)
 
 
@@ -124,5 +126,5 @@ def lockstep(scenario: str, overrides: list[str]) -> dict[str, float]:
     plan = compile_plan(load_scenario(scenario, overrides))
     collected, swarm = run(plan, "lockstep")
     pss = sum(event["pss_kb"] for event in collected.done) / len(collected.done) / 1024
-    wall_s = (swarm.over_ns - swarm.joined_ns) / 1e9
+    wall_s = (swarm.over_ns - swarm.begun_ns) / 1e9
     return {"speed": plan.duration_ns / 1e9 / wall_s, "frames_per_s": collected.heard / wall_s, "pss_mb": pss}
