@@ -13,7 +13,7 @@ from heapq import heappop
 
 from ..transport.events import FOREVER_NS, HANDLER, OFFER, RANK, TIME
 from ..transport.faults import Fault, LinkFault
-from ..transport.frames import Frame, promise
+from ..transport.frames import PROMISE_ONLY, Frame, promise
 from ..transport.promises import Horizon, lookahead_segments
 from ..transport.timerfd import TimerFd
 from .node import Node
@@ -92,6 +92,8 @@ class Realtime:
 
     def arrived(self, source: str, frame: Frame) -> None:
         """Keep a frame until it is due, or wake up earlier for it; called on Zenoh's thread."""
+        if frame.sequence == PROMISE_ONLY:
+            return
         self.mail.put(source, frame)
         due_ns = self._wall_ns(frame.due_ns)
         if due_ns < self._armed_ns:
@@ -223,7 +225,7 @@ class Lockstep:
         while not self._held:
             for source, frame in self.mail.take():
                 self._horizon.heard(source, frame)
-                if frame.sequence >= 0:
+                if frame.sequence != PROMISE_ONLY:
                     self._node.receive(source, frame)
             self._handle_safe()
             self._blocking = self._horizon.blocking()

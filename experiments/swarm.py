@@ -33,7 +33,8 @@ from .twin import RecordSink
 _JOIN_TIMEOUT_S = 60.0
 _ANSWER_TIMEOUT_S = 10.0
 _LEAVE_TIMEOUT_S = 5.0
-_HEAD_START_S = 0.1
+_HEAD_START_S = 0.4
+_STOP_AHEAD_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
 _STANDBY_S = 2.0
 _OVERDUE_S = 20.0
@@ -270,7 +271,7 @@ class Swarm:
             self._over.set()
             return
         held = (await self.order({"do": "hold"})).values()
-        self._end_ns = max([*held, self.ahead_ns(_HEAD_START_S)]) + 1 if self.pace == "realtime" else max(held) + 1
+        self._end_ns = max([*held, self.ahead_ns(_STOP_AHEAD_S)]) + 1 if self.pace == "realtime" else max(held) + 1
         await self.order({"do": "end", "instant_ns": self._end_ns})
         await self.order({"do": "release"})
         self._sink.event({"event": "stopped", "time_ns": self._end_ns})

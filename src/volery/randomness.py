@@ -26,12 +26,12 @@ class Stream:
         self._draws: list[int] = []
 
     def uniform(self, index: int) -> float:
-        """The index-th draw, uniform in the open interval (0, 1), with 53 bits."""
+        """The index-th draw, uniform in the open interval (0, 1), with 52 bits: neither end is ever reached."""
         block, offset = divmod(index, _BLOCK)
         if block != self._block:
             self._draws = Philox(key=self._key, counter=block * (_BLOCK // 4)).random_raw(_BLOCK).tolist()
             self._block = block
-        return ((self._draws[offset] >> 11) + 0.5) * 2.0**-53
+        return ((self._draws[offset] >> 12) + 0.5) * 2.0**-52
 
     def normal(self, index: int) -> float:
         """The index-th draw from the standard normal law, by the inverse of its distribution function."""
