@@ -92,6 +92,7 @@ class Node:
         self._waiting: list[tuple[Event, Callable[[Event], None]]] | None = None
         self._next_start: dict[str, int] = {}
         self._count = 0
+        self._fault_instants: set[int] = set()
         kind = find(me.kind)
         self.timers_only = kind.timers_only
         self.agent: Agent = kind(NodeContext(self, me), me.parameters)
@@ -216,7 +217,7 @@ class Node:
         if self.dead:
             return
         target = event[SOURCE]
-        for sequence in self.senders[target].offer(*event[DATA]):
+        for sequence in self.senders[target].offer(event[TIME], *event[DATA]):
             self.journal.dropped.append(Dropped(target, sequence, event[TIME], "queue"))
         self._pump(target, event[TIME])
 
@@ -224,7 +225,7 @@ class Node:
         if self.dead:
             return
         target = event[SOURCE]
-        if self._next_start.get(target) == event[TIME]:
+        if self.awaits(event):
             del self._next_start[target]
         self._pump(target, event[TIME])
 
@@ -238,6 +239,25 @@ class Node:
         frame = sender.transmit(now_ns)
         self._come_back(target, sender.next_start(now_ns))
         self._transmit(target, frame)
+
+    def transmit_ahead(self, before_ns: int) -> None:
+        """Put frames on the wire whose start is settled and lies before an instant, as no fault comes in between.
+
+        Their nominal start, and all that follows from it, is the same; the network gains the time until then.
+        """
+        if self.dead:
+            return
+        before_ns = min([before_ns, *(instant for instant in self._fault_instants if instant >= self.now_ns)])
+        for target, sender in self.senders.items():
+            while sender.settled and (start := self._next_start.get(target, before_ns)) < before_ns:
+                del self._next_start[target]
+                frame = sender.transmit_ahead(start)
+                self._come_back(target, sender.next_start(start))
+                self._transmit(target, frame)
+
+    def awaits(self, transmit: Event) -> bool:
+        """Whether a frame still waits for this start, and was not put on the wire ahead of it."""
+        return self._next_start.get(transmit[SOURCE]) == transmit[TIME]
 
     def _come_back(self, target: str, start: int | None) -> None:
         if start is not None and start < self._next_start.get(target, FOREVER_NS):
@@ -263,6 +283,7 @@ class Node:
             return
         known = self.faults.get(fault.id)
         self.faults[fault.id] = fault
+        self._fault_instants |= {fault.at_ns, FOREVER_NS if fault.until_ns is None else fault.until_ns}
         if known is None or known.at_ns != fault.at_ns:
             self._schedule(max(fault.at_ns, self.start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
         if fault.until_ns is not None and (known is None or known.until_ns != fault.until_ns):

@@ -44,7 +44,7 @@ class Twin:
         self._plan = plan
         self._sink = sink
         self._last_heard = last_heard or {}
-        self._heap: list[Event] = []
+        self.heap: list[Event] = []
         self._dead: list[Node] = []
         self._order = {agent.name: index for index, agent in enumerate(plan.agents)}
         self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.agents}
@@ -54,13 +54,11 @@ class Twin:
                     self._restart_at(kill.until_ns, kill.id, agent.name, incarnation)
 
     def _restart_at(self, time_ns: int, fault: str, name: str, incarnation: int) -> None:
-        heappush(
-            self._heap, (time_ns, FAULT, fault, _RESTART, 0, self._order[name], self._restart, (name, incarnation))
-        )
+        heappush(self.heap, (time_ns, FAULT, fault, _RESTART, 0, self._order[name], self._restart, (name, incarnation)))
 
     def _node(self, name: str, incarnation: int, start_ns: int) -> Node:
         index = self._order[name] + incarnation * len(self._order)
-        return Node(self._plan, name, self._heap, self._carry(name), incarnation, start_ns, index)
+        return Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index)
 
     def _carry(self, source: str) -> Put:
         def put(target: str, frame: Frame) -> None:
@@ -89,7 +87,7 @@ class Twin:
             return go_on is None or go_on(now_ns)
 
         self._sink.event({"event": "started", "time_ns": 0})
-        end_ns = fabric.run(self._heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
+        end_ns = fabric.run(self.heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
         for node in self.nodes.values():
             if not node.dead:
                 node.finish()

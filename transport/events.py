@@ -20,6 +20,7 @@ Event = tuple[int, int, str, int, int, int, Callable[[Any], None], Any]
 TIME: Final = 0
 RANK: Final = 1
 SOURCE: Final = 2
+NODE: Final = 5
 HANDLER: Final = 6
 DATA: Final = 7
 

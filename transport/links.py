@@ -101,6 +101,7 @@ class Sender:
     """
 
     __slots__ = (
+        "_ahead",
         "_free_at",
         "_latency",
         "_losses",
@@ -117,6 +118,7 @@ class Sender:
         self._slot = int(natural_key(source) > natural_key(target))
         self._free_at = 0
         self._waiting: deque[Waiting] = deque()
+        self._ahead: deque[int] = deque()
         self.sequence = 0
         self.transceiver = Transceiver()
         self.settings = settings
@@ -131,11 +133,14 @@ class Sender:
         if settings.latency != before.latency:
             self._latency = settings.latency.stage(self._stream_of)
 
-    def offer(self, payload: bytes, stream_name: str = "") -> list[int]:
+    def offer(self, now_ns: int, payload: bytes, stream_name: str = "") -> list[int]:
         """Put a frame into the queue; the sequence numbers that its policy throws out, in order.
 
-        The caller has checked the size against the MTU.
+        A frame that was transmitted ahead of its start takes up room until then. The caller has checked the size
+        against the MTU.
         """
+        while self._ahead and self._ahead[0] <= now_ns:
+            self._ahead.popleft()
         newcomer = Waiting(self.sequence, payload, stream_name)
         self.sequence += 1
         queue = self.settings.queue
@@ -144,7 +149,7 @@ class Sender:
                 if waiting.stream == stream_name:
                     self._waiting[place] = newcomer
                     return [waiting.sequence]
-        if len(self._waiting) < queue.limit:
+        if len(self._waiting) + len(self._ahead) < queue.limit:
             self._waiting.append(newcomer)
             return []
         if queue.policy == "drop-head":
@@ -172,6 +177,11 @@ class Sender:
         airtime = self.settings.airtime_ns(len(self._waiting[0].payload))
         return medium.access.earliest_start(ready, airtime, self._slot, EDGE_SLOTS)
 
+    @property
+    def settled(self) -> bool:
+        """Whether nothing that is offered later can take the place of a frame that waits."""
+        return self.settings.queue.policy == "drop-tail"
+
     def earliest_next(self, ready_ns: int) -> int:
         """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
         ready = max(ready_ns, self._free_at)
@@ -179,6 +189,11 @@ class Sender:
         if isinstance(medium, FullDuplex):
             return ready
         return medium.access.earliest_start(ready, self.settings.airtime_ns(0), self._slot, EDGE_SLOTS)
+
+    def transmit_ahead(self, start_ns: int) -> Transmission:
+        """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""
+        self._ahead.append(start_ns)
+        return self.transmit(start_ns)
 
     def transmit(self, now_ns: int) -> Transmission:
         """Start the frame at the head of the queue now; every link parameter is read here, once."""

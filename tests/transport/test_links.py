@@ -91,7 +91,7 @@ def test_a_full_queue_drops_by_its_policy(
 ) -> None:
     """Two frames fit: the newcomer goes, or the oldest, or the one of the same stream that is out of date."""
     link = sender(LinkSettings(queue=Queue(2, policy)))
-    assert [link.offer(name.encode(), name) for name in streams] == dropped
+    assert [link.offer(0, name.encode(), name) for name in streams] == dropped
     assert link.waiting() == kept
     assert [link.transmit(0).sequence for _ in kept] == kept
     assert link.next_start(0) is None
@@ -110,7 +110,7 @@ def test_every_sequence_number_has_one_story(policy: Policy, limit: int, steps: 
         if step == "refuse":
             told.append(link.refuse())
         elif step != "transmit":
-            told += link.offer(b"x", step)
+            told += link.offer(0, b"x", step)
         elif link.waiting():
             told.append(link.transmit(now).sequence)
         assert len(link.waiting()) <= limit
@@ -121,7 +121,7 @@ def test_a_transmission_has_its_times() -> None:
     """On the air from its start for its airtime, due a latency later; the next may start when it has left."""
     link = sender(LinkSettings(rate=8000.0, latency=Constant(5 * MS)))
     for payload in (b"four", b"again"):
-        link.offer(payload)
+        link.offer(0, payload)
     first = link.transmit(10 * MS)
     assert (first.start_ns, first.airtime_ns, first.due_ns) == (10 * MS, 4 * MS, 19 * MS)
     assert (first.sequence, first.payload, first.verdict) == (0, b"four", DELIVERED)
@@ -132,7 +132,7 @@ def test_a_transmission_has_its_times() -> None:
 def test_no_frame_is_due_when_it_starts() -> None:
     """Without airtime and latency it still takes a nanosecond, so that what it causes comes later."""
     link = sender(LinkSettings())
-    link.offer(b"x")
+    link.offer(0, b"x")
     assert link.transmit(5).due_ns == 5 + SHORTEST_TRAVEL_NS == 6
 
 
@@ -141,12 +141,12 @@ def test_no_frame_starts_before_the_earliest_next(now: int, ready: int, payload:
     """Whatever is offered at `ready` or later starts no earlier than was said, also after a transmission."""
     medium = HalfDuplex(access=Tdma(100.0, 100_000))
     link = sender(LinkSettings(medium=medium, rate=115_200.0))
-    link.offer(b"x" * 20)
+    link.offer(0, b"x" * 20)
     start = link.next_start(now)
     assert start is not None
     link.transmit(start)
     earliest = link.earliest_next(ready)
-    link.offer(b"x" * payload)
+    link.offer(0, b"x" * payload)
     later = link.next_start(ready)
     assert later is not None
     assert later >= earliest >= max(ready, start)
@@ -158,7 +158,7 @@ def test_slots_go_by_natural_order() -> None:
     starts = {}
     for source, target in (("2", "10"), ("10", "2")):
         link = sender(settings, source, target)
-        link.offer(b"x")
+        link.offer(0, b"x")
         starts[source] = link.next_start(0)
     assert starts == {"2": 0, "10": 5 * MS}
 
@@ -173,7 +173,7 @@ def test_models_that_stay_keep_their_state() -> None:
             touched.change(replace(model, rate=1e9, cut=now % 20 == 0))
         pair = []
         for link in (touched, untouched):
-            link.offer(b"x")
+            link.offer(0, b"x")
             pair.append(link.transmit(now * MS))
         stories.append(pair)
     for now, (one, other) in enumerate(stories):
@@ -185,7 +185,7 @@ def test_another_model_begins_anew() -> None:
     """A model that a fault brings decides from then on, with the draws of the frames' own numbers."""
     link = sender(LinkSettings())
     link.change(LinkSettings(loss=(Bernoulli(1.0),)))
-    link.offer(b"x")
+    link.offer(0, b"x")
     assert link.transmit(0).verdict == LOST
 
 
@@ -195,7 +195,7 @@ def test_a_restarted_agent_draws_from_its_own_streams() -> None:
     for incarnation in (0, 1):
         link = sender(LinkSettings(loss=(Bernoulli(0.5),)), incarnation=incarnation)
         for _ in range(60):
-            link.offer(b"x")
+            link.offer(0, b"x")
         verdicts.append([link.transmit(now).verdict for now in range(60)])
     assert verdicts[0] != verdicts[1]
 

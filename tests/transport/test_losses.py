@@ -92,7 +92,7 @@ def test_a_list_of_models_is_their_sum(first: int, frames: int) -> None:
     for settings in (LinkSettings(loss=models), *(LinkSettings(loss=(model,)) for model in models)):
         sender = both(settings)
         for _ in range(frames):
-            sender.offer(b"x")
+            sender.offer(0, b"x")
         verdicts.append([sender.transmit(index).verdict == LOST for index in range(frames)])
     together, *apart = verdicts
     assert together == [any(fates) for fates in zip(*apart, strict=True)]
