@@ -32,6 +32,7 @@ from .pacing import Lockstep, Realtime
 from .plan import Plan
 
 FLUSH_EVERY_S = 0.2
+_YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
 _REHEARSAL_NS = 200_000_000
 _ORDERS_LIMIT = 1_000
 Pace = Literal["realtime", "lockstep"]
@@ -54,6 +55,7 @@ class Assignment:
 def main(assignment: Assignment, path: list[str]) -> None:
     """Entry of the process; `path` is where the user's own modules are found."""
     gc.freeze()  # what was loaded before the fork stays shared: the collector writes into every object that it looks at
+    gc.disable()  # it is called with the journal, between events
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with_supervisor()
     sys.path[:] = path
@@ -225,6 +227,7 @@ class _Shell:
     def _flush_now_and_then(self) -> None:
         self._flushing = self._loop.call_later(FLUSH_EVERY_S, self._flush_now_and_then)
         self._flush()
+        gc.collect(_ALL_GARBAGE if self._batches % _ALL_EVERY == 0 else _YOUNG_GARBAGE)
 
     async def _flush_until_stopped(self) -> None:
         self._flush_now_and_then()

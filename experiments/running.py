@@ -21,6 +21,7 @@ from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
 from ..transport.faults import in_force
 from ..transport.keys import Keys
+from .background import BackgroundSink
 from .compile import compile_plan
 from .fault_labels import in_words
 from .figures import plot
@@ -90,7 +91,8 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
             if options.engine == "twin":
                 ending = _run_twin(plan, recorder, watch)
             else:
-                ending = asyncio.run(_run_swarm(plan, recorder, folder, options, watch))
+                with BackgroundSink(recorder) as sink:
+                    ending = asyncio.run(_run_swarm(plan, sink, folder, options, watch))
     except BadInput:
         _remove(folder)
         raise
@@ -152,9 +154,9 @@ def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[N
         signal.signal(signal.SIGINT, before)
 
 
-async def _run_swarm(plan: Plan, recorder: Recorder, folder: Path, options: Options, watch: Watch | None) -> Ending:
-    swarm = Swarm(plan, recorder, folder.name, options.pace, options.speed, options.listen)
-    injector = Injector(swarm, recorder)
+async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None) -> Ending:
+    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
+    injector = Injector(swarm, sink)
     desk = Desk(swarm, injector)
     loop = asyncio.get_running_loop()
     stopping: set[asyncio.Task[None]] = set()
@@ -165,7 +167,7 @@ async def _run_swarm(plan: Plan, recorder: Recorder, folder: Path, options: Opti
     async def look_after() -> None:
         while True:
             await asyncio.sleep(FLUSH_EVERY_S)
-            recorder.flush()
+            sink.flush()
             swarm.status.faults = in_words(injector.in_force(), len(plan.links))
             if watch is not None:
                 watch(swarm.status)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from heapq import heappop
 
 from .events import HANDLER, TIME, Event
+
+_OLD_NEVER = 1_000_000
 
 
 def run(heap: list[Event], until_ns: int, every_ns: int = 0, go_on: Callable[[int], bool] | None = None) -> int:
@@ -14,12 +18,24 @@ def run(heap: list[Event], until_ns: int, every_ns: int = 0, go_on: Callable[[in
     `go_on` is told the time every `every_ns`, between two events, and ends it there by saying no.
     """
     report_at = every_ns
-    while heap and heap[0][TIME] < until_ns:
-        time_ns = heap[0][TIME]
-        if go_on is not None and time_ns >= report_at:
-            if not go_on(time_ns):
-                return time_ns
-            report_at = time_ns + every_ns
-        event = heappop(heap)
-        event[HANDLER](event)
+    with _collecting_young_garbage_only():
+        while heap and heap[0][TIME] < until_ns:
+            time_ns = heap[0][TIME]
+            if go_on is not None and time_ns >= report_at:
+                if not go_on(time_ns):
+                    return time_ns
+                report_at = time_ns + every_ns
+            event = heappop(heap)
+            event[HANDLER](event)
     return until_ns
+
+
+@contextmanager
+def _collecting_young_garbage_only() -> Iterator[None]:
+    """Nodes and their heap live as long as the run: looking through them for garbage again and again is in vain."""
+    before = gc.get_threshold()
+    gc.set_threshold(before[0], before[1], _OLD_NEVER)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
