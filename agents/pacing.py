@@ -21,7 +21,7 @@ from .node import Node
 _GRACE_S = 0.1
 _DRAIN_S = 0.05
 """A killed agent still hears what was due before its end."""
-_AHEAD_NS = 5_000_000
+_AHEAD_NS = 8_000_000
 """How far ahead of its start, on the clock, a frame is put on the wire.
 
 Far less than live faults are announced ahead; and not more, so that frames that start later do not stand in the way.
