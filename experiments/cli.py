@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Group, Parameter
@@ -11,6 +13,8 @@ from .cli_output import print_error
 
 USAGE_ERROR = 2
 INTERRUPTED = 130
+_BESIDE_A_SWARM = {"status", "watch", "fault", "stop"}
+_LEAST_PRIORITY = 19
 
 _HELP = """Swarms of agents that talk to their neighbours over links that fail: what does this estimator do then?
 
@@ -50,6 +54,8 @@ for _name, (_group, _place, _help) in _COMMANDS.items():
 
 def main(words: Sequence[str] | None = None) -> int:
     """Carry out a command line, by default that of the process; the exit code."""
+    if words is None and set(sys.argv[1:2]) & _BESIDE_A_SWARM:
+        os.nice(_LEAST_PRIORITY)  # looking at a swarm must not make its frames late
     try:
         code: int | None = app(words)
     except CycloptsError:

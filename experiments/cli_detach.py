@@ -12,7 +12,7 @@ from typing import IO
 
 from .cli_folders import run_of
 from .cli_output import print_error, print_plain
-from .operator import CONTROL_FILE
+from .run_files import CONTROL_FILE
 from .running import Options
 
 OUTPUT_FILE = "output.txt"

@@ -9,8 +9,7 @@ from typing import Any
 
 from ..errors import BadInput
 from .explaining import did_you_mean
-from .record import INFO_FILE, SCENARIO_FILE
-from .recorder import FILE_NAME as RECORD_FILE
+from .run_files import INFO_FILE, RECORD_FILE, SCENARIO_FILE
 
 LAST = "last"
 

@@ -16,7 +16,8 @@ from mcap.writer import MCAP0_MAGIC, Writer
 from zstandard import ZstdError
 
 from ..errors import BadInput
-from .recorder import FILE_NAME, PROFILE
+from .recorder import PROFILE
+from .run_files import RECORD_FILE
 
 RECOVERED = "volery.recovered"
 _KEPT_SUFFIX = ".damaged"
@@ -167,7 +168,7 @@ def _copy(walk: _Walk, writer: Writer) -> int:
 
 
 def _existing(folder: Path) -> Path:
-    path = folder / FILE_NAME
+    path = folder / RECORD_FILE
     if not path.is_file():
-        raise BadInput(f"{folder} has no {FILE_NAME}: it is not the folder of a run, `volery status` lists runs")
+        raise BadInput(f"{folder} has no {RECORD_FILE}: it is not the folder of a run, `volery status` lists runs")
     return path

@@ -20,8 +20,8 @@ from ..transport.faults import Fault, LinkName, from_plain
 from .encoding import untag, vector_from_json
 from .mcap_file import Entry, read
 from .recorder import ESTIMATES, EVENTS, FRAME_ROWS, FRAMES, RUN_EVENTS
+from .run_files import INFO_FILE, SCENARIO_FILE
 
-INFO_FILE, SCENARIO_FILE = "run.json", "scenario.yaml"
 INJECTED = "injected"
 """The cause of a death that a fault brought about."""
 Life = tuple[str, int]

@@ -16,8 +16,8 @@ from mcap.writer import Writer
 from ..agents.journal import Batch, Dropped, Heard, Late, Sent
 from ..errors import BadInput
 from .encoding import dump, tag, vector_to_json
+from .run_files import RECORD_FILE
 
-FILE_NAME = "record.mcap"
 PROFILE = "volery"
 ESTIMATES, FRAMES, EVENTS, RUN_EVENTS = "estimates", "frames", "events", "/run/events"
 FRAME_ROWS: dict[str, Any] = {"sent": Sent, "heard": Heard, "dropped": Dropped, "late": Late}
@@ -56,7 +56,7 @@ class Recorder:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / FILE_NAME
+        self._path = folder / RECORD_FILE
         self._file: IO[bytes]
         self._writer: Writer
         self._schemas: dict[str, int] = {}

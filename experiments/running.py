@@ -23,14 +23,14 @@ from ..transport.faults import in_force
 from ..transport.keys import Keys
 from .background import BackgroundSink
 from .compile import compile_plan
+from .desk import Desk
 from .fault_labels import in_words
 from .figures import plot
 from .live import Injector
 from .machine import fingerprint
 from .metrics import Metrics, write_metrics
-from .operator import Desk
-from .record import INFO_FILE, SCENARIO_FILE
 from .recorder import Recorder
+from .run_files import INFO_FILE, SCENARIO_FILE
 from .schema import Scenario, resolved_yaml
 from .status import Status
 from .swarm import Ending, Swarm
