@@ -318,7 +318,8 @@ class Swarm:
         member.ended.set()
         if self._living.get(name) == incarnation:
             self.status.alive.discard(name)
-        if not (member.done and member.process.exitcode == 0):
+        told_to_go = member.done or self._over.is_set()
+        if not (told_to_go and member.process.exitcode == 0):
             cause = "injected" if member.kill_expected else _cause(member.process.exitcode)
             self._sink.event(
                 {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
