@@ -80,7 +80,7 @@ class Realtime:
         self._loop = loop
         self._speed = speed
         self._done = done
-        self._leaving = False
+        self._leaving: asyncio.TimerHandle | None = None
         self._timer = TimerFd(loop, guard(self.advance))
         self._armed_ns = 0
 
@@ -150,10 +150,9 @@ class Realtime:
         self._send()
         if heap and heap[0][TIME] < self._end_ns and not node.dead:
             return self._wall_ns(self._wake_for(heap[0], now))
-        if not self._leaving:
-            self._leaving = True
+        if self._leaving is None:
             remaining_s = max(0.0, (self._end_ns - now) / 1e9 / self._speed)
-            self._loop.call_later(_DRAIN_S if node.dead else remaining_s + _GRACE_S, self._done)
+            self._leaving = self._loop.call_later(_DRAIN_S if node.dead else remaining_s + _GRACE_S, self._done)
         return FOREVER_NS
 
     def _wake_for(self, event: Event, now_ns: int) -> int:
@@ -174,6 +173,9 @@ class Realtime:
         """End the run at an instant; whether it is still to come."""
         in_time = instant_ns > self.hold()
         self._end_ns = instant_ns
+        if self._leaving is not None and not self._node.dead:
+            self._leaving.cancel()
+            self._leaving = None
         self.advance()
         return in_time
 
