@@ -16,6 +16,7 @@ from ..transport.keys import OPERATOR, Keys
 from .run_files import CONTROL_FILE
 
 _TIMEOUT_S = 15.0
+_JOIN_TIMEOUT_S = 5.0
 
 
 def call(folder: Path, request: Mapping[str, Any]) -> Any:
@@ -29,7 +30,7 @@ def call(folder: Path, request: Mapping[str, Any]) -> Any:
     if not control.exists():
         raise BadInput(f"{folder} is not running: `volery status` lists what is")
     access = json.loads(control.read_text())
-    session = zs.open_client(access["endpoint"], zs.Credentials(OPERATOR, access["password"]))
+    session = zs.open_client(access["endpoint"], zs.Credentials(OPERATOR, access["password"]), _JOIN_TIMEOUT_S)
     try:
         key = Keys(access["run"]).supervisor()
         answers = asyncio.run(zs.ask(session, key, msgpack.packb(dict(request)), _TIMEOUT_S))

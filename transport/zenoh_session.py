@@ -15,7 +15,7 @@ import zenoh
 from ..errors import BadInput, RunFailed
 
 _ADMIN_TIMEOUT_S = 5.0
-_CONNECT_TIMEOUT_MS = 20_000
+_CONNECT_TIMEOUT_S = 20.0
 _LEASE_MS = 60_000
 LINK_QUEUE_BATCHES = 16
 _WAIT_BEFORE_DROP_US = 100_000
@@ -88,16 +88,16 @@ def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) ->
     raise RunFailed(f"the hub at {listen} does not say where it listens")
 
 
-def open_client(endpoint: str, who: Credentials) -> zenoh.Session:
+def open_client(endpoint: str, who: Credentials, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.Session:
     """A session of an agent or of the operator.
 
     Raises:
-        RunFailed: nobody listens there, or the credentials are refused.
+        RunFailed: nobody listens there, or the credentials are refused, until the time is over.
     """
     config = _config(
         "client",
         connect__endpoints=[endpoint],
-        connect__timeout_ms=_CONNECT_TIMEOUT_MS,
+        connect__timeout_ms=int(timeout_s * 1000),
         transport__auth__usrpwd__user=who.user,
         transport__auth__usrpwd__password=who.password,
     )

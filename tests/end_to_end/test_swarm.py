@@ -119,7 +119,7 @@ def test_strangers_get_nothing_through() -> None:
         keys = Keys("test")
         spy = swarm.session.declare_subscriber(keys.link("*", "*"), lambda sample: seen.append(str(sample.key_expr)))
         with pytest.raises(RunFailed, match="cannot join"):
-            await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("nobody", "guessed"))
+            await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("nobody", "guessed"), 1.0)
         session = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("1", swarm.passwords["1"]))
         other = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("3", swarm.passwords["3"]))
         overheard: list[str] = []
