@@ -166,16 +166,21 @@ class Realtime:
         """Arm a live fault that changes something at an instant; whether there is time left until then."""
         in_time = instant_ns > self.hold()
         self._node.arm(fault)
+        self._stay()
         self.advance()
         return in_time
+
+    def _stay(self) -> None:
+        """There is something to come after all: when to leave is decided anew."""
+        if self._leaving is not None and not self._node.dead:
+            self._leaving.cancel()
+            self._leaving = None
 
     def end_at(self, instant_ns: int) -> bool:
         """End the run at an instant; whether it is still to come."""
         in_time = instant_ns > self.hold()
         self._end_ns = instant_ns
-        if self._leaving is not None and not self._node.dead:
-            self._leaving.cancel()
-            self._leaving = None
+        self._stay()
         self.advance()
         return in_time
 

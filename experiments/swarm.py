@@ -233,10 +233,13 @@ class Swarm:
         """A new process for an agent, joined but not yet alive in nominal time."""
         _, incarnation = self.current(name)
         key = (name, incarnation + 1)
+        await self._prepare(key)
+        return key
+
+    async def _prepare(self, key: tuple[str, int]) -> None:
         self._spawn(*key)
         await self._joined([key])
         await self.order({"do": "rehearse"}, *key)
-        return key
 
     async def revive(self, key: tuple[str, int], start_ns: int) -> None:
         """Let a process on standby live from an instant on, with the live faults that its links are under."""
@@ -259,9 +262,7 @@ class Swarm:
     async def _restart_at(self, name: str, until_ns: int, incarnation: int) -> None:
         await asyncio.sleep(max(0.0, (until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
         key = (name, incarnation)
-        self._spawn(*key)
-        await self._joined([key])
-        await self.order({"do": "rehearse"}, *key)
+        await self._prepare(key)
         await self.revive(key, until_ns)
 
     async def stop(self) -> None:
