@@ -19,7 +19,7 @@ class Estimate(NamedTuple):
 
 
 class Sent(NamedTuple):
-    """A transmission as its sender saw it; `verdict` is delivered, cut or loss."""
+    """A transmission as its sender saw it; `verdict`: delivered, cut, loss or corrupt; `copy` is 1 for a duplicate."""
 
     target: str
     sequence: int
@@ -28,6 +28,7 @@ class Sent(NamedTuple):
     airtime_ns: int
     due_ns: int
     verdict: str
+    copy: int = 0
 
 
 class Heard(NamedTuple):
@@ -38,10 +39,11 @@ class Heard(NamedTuple):
     sequence: int
     due_ns: int
     fate: str
+    copy: int = 0
 
 
 class Dropped(NamedTuple):
-    """A frame that never reached the air: `cause` is refused (over the MTU) or queue."""
+    """A frame that never reached the air: `cause` is refused (over the MTU), queue, or access (given up)."""
 
     target: str
     sequence: int
@@ -57,6 +59,7 @@ class Late(NamedTuple):
     sequence: int
     due_ns: int
     behind_ns: int
+    copy: int = 0
 
 
 @dataclass

@@ -15,7 +15,7 @@ from typing_extensions import TypedDict
 
 from ..errors import BadInput
 from ..transport.latencies import LATENCIES, Latency
-from ..transport.links import LinkSettings, Queue
+from ..transport.links import Bucket, LinkSettings, Queue
 from ..transport.losses import LOSSES, Loss
 from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, Tdma
 from ..units import BitsPerSecond, Bytes
@@ -127,6 +127,10 @@ def _read_losses(value: Any) -> tuple[Loss, ...]:
     return validated(_LOSSES, value if isinstance(value, list) else [value])
 
 
+_LOSS_READER = Reader(_read_losses, str | float | _LOSS.written | list[_LOSS.written] | None)
+Losses = Annotated[tuple[Loss, ...], _LOSS_READER]
+
+
 def _bounded(name: str) -> AfterValidator:
     """Check a field as the link settings do, so that the error stands at the field."""
 
@@ -147,9 +151,15 @@ class LinkFields(TypedDict, total=False):
     bits_per_byte: Annotated[int, _bounded("bits_per_byte")]
     mtu: Annotated[Bytes, _bounded("mtu")]
     queue: Queue
-    loss: Annotated[tuple[Loss, ...], Reader(_read_losses, str | float | _LOSS.written | list[_LOSS.written] | None)]
+    bucket: Bucket | None
+    loss: Losses
+    corruption: Losses
+    duplication: Annotated[float, _bounded("duplication")]
     latency: Annotated[Latency, Reader(_LATENCY.read, str | _LATENCY.written)]
+    reordering: bool
     cut: bool
+    hold: bool
+    present: bool
 
 
 def read_words(value: Any) -> tuple[str, ...]:

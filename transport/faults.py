@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from ..errors import BadInput
 from .latencies import LATENCIES
-from .links import LinkSettings, Queue
+from .links import NANOSECONDS, Bucket, LinkSettings, Queue
 from .losses import LOSSES
 from .media import Aloha, FullDuplex, HalfDuplex, Tdma
 
@@ -38,9 +38,13 @@ class LinkFault(_Span):
 
 @dataclass(frozen=True)
 class Kill(_Span):
-    """An agent handles everything before `at_ns`, then its process ends; a restart at `until_ns`, or none."""
+    """An agent handles everything before `at_ns`, then its process ends; a restart at `until_ns`, or none.
+
+    `keep_state`: what the agent saves when it dies is given back to its next life, as from a memory that lasts.
+    """
 
     agent: str
+    keep_state: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,60 @@ class Pause(_Span):
     agent: str
 
 
-Fault = LinkFault | Kill | Pause
+@dataclass(frozen=True)
+class Hog(_Span):
+    """Something else takes a share of an agent's processor in [at, until); in realtime pace only."""
+
+    agent: str
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        if not 0 < self.share <= 1:
+            raise BadInput(f"share is {self.share:g}, it must be above 0 and at most 1")
+
+
+@dataclass(frozen=True)
+class ClockFault(_Span):
+    """An agent's own clock reads t + offset + (t − at)·drift // 10⁹ in [at, until); drift in parts per 10⁹."""
+
+    agent: str
+    offset_ns: int = 0
+    drift_ppb: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the bound: a clock goes forward."""
+        if self.drift_ppb <= -NANOSECONDS:
+            raise BadInput(f"drift is {self.drift_ppb} ppb, it must be above −10⁹: a clock does not go back")
+
+
+SensorTrouble = Literal["failed", "stuck", "bias", "noise", "spikes"]
+
+
+@dataclass(frozen=True)
+class SensorFault(_Span):
+    """What is wrong with samples taken in [at, until).
+
+    failed: it sees nothing. stuck: it repeats its last sample before `at`. bias: `size` is added. noise: normal noise
+    of standard deviation `size` is added. spikes: with `probability`, ±`size` is added.
+    `size` has one component, or as many as the sensor.
+    """
+
+    agent: str
+    sensor: str
+    trouble: SensorTrouble
+    size: tuple[float, ...] = ()
+    probability: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if not 0 <= self.probability <= 1:
+            raise BadInput(f"probability is {self.probability:g}, it must lie between 0 and 1")
+        if (self.trouble in ("bias", "noise", "spikes")) != bool(self.size):
+            raise BadInput(f"{self.trouble} {'needs a' if not self.size else 'takes no'} size")
+
+
+Fault = LinkFault | Kill | Pause | Hog | ClockFault | SensorFault
 
 
 def in_force(faults: Iterable[Fault], now_ns: int) -> dict[str, Fault]:
@@ -71,7 +128,7 @@ _TYPE = "is"
 _KINDS: dict[str, Any] = {
     kind.__name__: kind
     for kinds in (
-        (LinkFault, Kill, Pause, Queue, FullDuplex, HalfDuplex, Aloha, Tdma),
+        (LinkFault, Kill, Pause, Hog, ClockFault, SensorFault, Queue, Bucket, FullDuplex, HalfDuplex, Aloha, Tdma),
         LOSSES.values(),
         LATENCIES.values(),
     )

@@ -13,12 +13,13 @@ from typing import Protocol
 
 from ..errors import BadInput
 from ..units import Nanoseconds
-from .losses import StreamOf
+from .stages import Surroundings
 
 _STANDARD_NORMAL = NormalDist()
 _TRUNCATION_SD = 3
 
-LatencyStage = Callable[[int], int]
+LatencyStage = Callable[[int, int], int]
+"""(sequence number, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
 
 
 class Latency(Protocol):
@@ -32,8 +33,8 @@ class Latency(Protocol):
     def mean_ns(self) -> float:
         """Mean travel time."""
 
-    def stage(self, stream_of: StreamOf) -> LatencyStage:
-        """Function of a frame's index that gives its latency in nanoseconds."""
+    def stage(self, around: Surroundings) -> LatencyStage:
+        """What gives each frame of one link its latency."""
 
 
 def _not_negative(name: str, value_ns: int) -> None:
@@ -61,9 +62,9 @@ class Constant:
         """The value."""
         return float(self.value)
 
-    def stage(self, _stream_of: StreamOf) -> LatencyStage:
+    def stage(self, _around: Surroundings) -> LatencyStage:
         """The same for every index."""
-        return lambda _index: self.value
+        return lambda _index, _end_ns: self.value
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,10 @@ class Uniform:
         """The middle."""
         return (self.low + self.high) / 2
 
-    def stage(self, stream_of: StreamOf) -> LatencyStage:
+    def stage(self, around: Surroundings) -> LatencyStage:
         """One draw per frame."""
-        draws, low, span = stream_of("latency"), self.low, self.high - self.low
-        return lambda index: low + int(span * draws.uniform(index))
+        draws, low, span = around.stream("latency"), self.low, self.high - self.low
+        return lambda index, _end_ns: low + int(span * draws.uniform(index))
 
 
 @dataclass(frozen=True)
@@ -129,13 +130,13 @@ class Normal:
         alpha = (self.minimum_ns - self.mean) / self.sd
         return self.mean + self.sd * _STANDARD_NORMAL.pdf(alpha) / (1 - self._cut)
 
-    def stage(self, stream_of: StreamOf) -> LatencyStage:
+    def stage(self, around: Surroundings) -> LatencyStage:
         """One draw per frame, by the inverse of the truncated law."""
         if not self.sd:
-            return lambda _index: self.mean
-        draws, cut, minimum = stream_of("latency"), self._cut, self.minimum_ns
+            return lambda _index, _end_ns: self.mean
+        draws, cut, minimum = around.stream("latency"), self._cut, self.minimum_ns
         quantile = NormalDist(self.mean, self.sd).inv_cdf
-        return lambda index: max(minimum, int(quantile(cut + (1 - cut) * draws.uniform(index))))
+        return lambda index, _end_ns: max(minimum, int(quantile(cut + (1 - cut) * draws.uniform(index))))
 
 
 LATENCIES: dict[str, type[Constant] | type[Uniform] | type[Normal]] = {

@@ -11,17 +11,25 @@ from fractions import Fraction
 from typing import Literal, NamedTuple
 
 from ..errors import BadInput
-from ..randomness import stream
 from ..topologies import natural_key
 from ..units import BitsPerSecond, Bytes
 from .latencies import Constant, Latency
-from .losses import Loss, StreamOf
+from .losses import Loss
 from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Medium, Transceiver
+from .stages import Surroundings
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_TRAVEL_NS = 1
 """No frame is due at the instant at which it starts: what is handled at one instant causes nothing at that instant."""
-DELIVERED, CUT, HALF_DUPLEX, LOST = "delivered", "cut", "half-duplex", "loss"
+DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
+    "delivered",
+    "cut",
+    "half-duplex",
+    "collision",
+    "loss",
+    "corrupt",
+)
+"""Fates of a frame on the air, in the order in which they count where causes overlap."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +50,26 @@ class Queue:
 
 
 @dataclass(frozen=True)
+class Bucket:
+    """Token bucket: on average no more than `rate` leaves, up to `burst` at once."""
+
+    rate: BitsPerSecond
+    burst: Bytes
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if not self.rate > 0 or self.burst < 1:
+            raise BadInput(f"a bucket of {self.rate:g} bit/s and {self.burst} B holds nothing: both are above 0")
+
+
+@dataclass(frozen=True)
 class LinkSettings:
-    """Everything that a fault may change on one directed link."""
+    """Everything that a fault may change on one directed link.
+
+    `corruption`: models that say which frames the checksum will refuse. `duplication`: probability that a frame comes
+    twice, the copy with a latency of its own. `reordering`: whether a frame may overtake an earlier one. `hold`: frames
+    that are due meanwhile wait, and come when they are released. `present`: whether the graph has this link now.
+    """
 
     medium: Medium = FullDuplex()  # noqa: RUF009 - frozen
     rate: BitsPerSecond | None = None
@@ -51,9 +77,15 @@ class LinkSettings:
     bits_per_byte: int = 8
     mtu: Bytes = 1500
     queue: Queue = Queue()
+    bucket: Bucket | None = None
     loss: tuple[Loss, ...] = ()
+    corruption: tuple[Loss, ...] = ()
+    duplication: float = 0.0
     latency: Latency = Constant(0)  # noqa: RUF009 - frozen
+    reordering: bool = True
     cut: bool = False
+    hold: bool = False
+    present: bool = True
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -61,6 +93,8 @@ class LinkSettings:
             raise BadInput(f"rate is {self.rate:g} bit/s, it must be above 0")
         if self.overhead < 0 or self.bits_per_byte < 1 or self.mtu < 1:
             raise BadInput("overhead is at least 0 B, bits_per_byte at least 1, mtu at least 1 B")
+        if not 0 <= self.duplication <= 1:
+            raise BadInput(f"duplication is {self.duplication:g}, a probability lies between 0 and 1")
 
     def airtime_ns(self, payload_bytes: int) -> int:
         """Time on the air of a frame: (payload + overhead) · bits per byte / rate, rounded up; 0 without a rate."""
@@ -102,11 +136,11 @@ class Sender:
 
     __slots__ = (
         "_ahead",
+        "_around",
         "_free_at",
         "_latency",
         "_losses",
         "_slot",
-        "_stream_of",
         "_waiting",
         "sequence",
         "settings",
@@ -114,7 +148,7 @@ class Sender:
     )
 
     def __init__(self, seed: int, source: str, target: str, incarnation: int, settings: LinkSettings) -> None:
-        self._stream_of: StreamOf = lambda purpose: stream(seed, purpose, source, target, str(incarnation))
+        self._around = Surroundings.of(seed, source, target, incarnation)
         self._slot = int(natural_key(source) > natural_key(target))
         self._free_at = 0
         self._waiting: deque[Waiting] = deque()
@@ -122,16 +156,16 @@ class Sender:
         self.sequence = 0
         self.transceiver = Transceiver()
         self.settings = settings
-        self._losses = [model.stage(self._stream_of) for model in settings.loss]
-        self._latency = settings.latency.stage(self._stream_of)
+        self._losses = [model.stage(self._around) for model in settings.loss]
+        self._latency = settings.latency.stage(self._around)
 
     def change(self, settings: LinkSettings) -> None:
         """Take new settings; models that stay keep their state."""
         before, self.settings = self.settings, settings
         if settings.loss != before.loss:
-            self._losses = [model.stage(self._stream_of) for model in settings.loss]
+            self._losses = [model.stage(self._around) for model in settings.loss]
         if settings.latency != before.latency:
-            self._latency = settings.latency.stage(self._stream_of)
+            self._latency = settings.latency.stage(self._around)
 
     def offer(self, now_ns: int, payload: bytes, stream_name: str = "") -> list[int]:
         """Put a frame into the queue; the sequence numbers that its policy throws out, in order.
@@ -204,9 +238,10 @@ class Sender:
         if isinstance(settings.medium, HalfDuplex):
             self.transceiver.transmit(now_ns, end)
         lost = False
+        bits = (len(payload) + settings.overhead) * settings.bits_per_byte
         for stage in self._losses:
-            lost |= stage.lost(sequence)
-        due = max(end + self._latency(sequence), now_ns + SHORTEST_TRAVEL_NS)
+            lost |= stage.lost(sequence, now_ns, bits)
+        due = max(end + self._latency(sequence, end), now_ns + SHORTEST_TRAVEL_NS)
         verdict = CUT if settings.cut else LOST if lost else DELIVERED
         return Transmission(sequence, payload, now_ns, airtime, due, verdict)
 

@@ -6,21 +6,25 @@ lost if any of them loses it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from ..errors import BadInput
 from ..randomness import Stream
-
-StreamOf = Callable[[str], Stream]
+from .stages import Surroundings
 
 
 class LossStage(Protocol):
     """The state of one loss model on one directed link."""
 
-    def lost(self, index: int) -> bool:
-        """Whether the link's frame with this index is lost; called once per transmitted frame, in order."""
+    def lost(self, index: int, start_ns: int, bits: int) -> bool:
+        """Whether a transmitted frame is lost; called once for each, in order.
+
+        Args:
+            index: its sequence number on the link.
+            start_ns: when its transmission starts.
+            bits: its length on the air, overhead included.
+        """
 
 
 class Loss(Protocol):
@@ -30,8 +34,8 @@ class Loss(Protocol):
     def mean(self) -> float:
         """Long-run fraction of frames lost."""
 
-    def stage(self, stream_of: StreamOf) -> LossStage:
-        """The state machine of one link; `stream_of(purpose)` gives its random streams."""
+    def stage(self, around: Surroundings) -> LossStage:
+        """The state machine of one link."""
 
 
 def _probability(name: str, value: float) -> None:
@@ -54,9 +58,9 @@ class Bernoulli:
         """The probability itself."""
         return self.probability
 
-    def stage(self, stream_of: StreamOf) -> LossStage:
+    def stage(self, around: Surroundings) -> LossStage:
         """A memoryless stage."""
-        return _BernoulliStage(self.probability, stream_of("loss"))
+        return _BernoulliStage(self.probability, around.stream("loss"))
 
 
 @dataclass(slots=True)
@@ -64,7 +68,7 @@ class _BernoulliStage:
     probability: float
     draws: Stream
 
-    def lost(self, index: int) -> bool:
+    def lost(self, index: int, start_ns: int, bits: int) -> bool:
         return self.draws.uniform(index) < self.probability
 
 
@@ -98,9 +102,9 @@ class GilbertElliott:
         """P(bad)·loss_bad + P(good)·loss_good."""
         return self.stationary_bad * self.loss_bad + (1 - self.stationary_bad) * self.loss_good
 
-    def stage(self, stream_of: StreamOf) -> LossStage:
+    def stage(self, around: Surroundings) -> LossStage:
         """A stage whose chain starts in the stationary law."""
-        return _GilbertElliottStage(self, stream_of("loss"), stream_of("loss-state"))
+        return _GilbertElliottStage(self, around.stream("loss"), around.stream("loss-state"))
 
 
 class _GilbertElliottStage:
@@ -112,7 +116,7 @@ class _GilbertElliottStage:
         self._moves = moves
         self._bad: bool | None = None
 
-    def lost(self, index: int) -> bool:
+    def lost(self, index: int, start_ns: int, bits: int) -> bool:
         model = self._model
         move = self._moves.uniform(index)
         if self._bad is None:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from volery.errors import BadInput
-from volery.randomness import stream
 from volery.transport.latencies import Constant, Latency, Normal, Uniform
+from volery.transport.stages import Surroundings
 
 MS = 1_000_000
 FRAMES = 4000
@@ -20,8 +20,8 @@ LEVEL = 1e-4
 
 def drawn(model: Latency, frames: int = FRAMES, seed: int = 5) -> list[int]:
     """The latencies of the first frames of a link."""
-    stage = model.stage(lambda purpose: stream(seed, purpose, "1", "2", "0"))
-    return [stage(index) for index in range(frames)]
+    stage = model.stage(Surroundings.of(seed, "1", "2"))
+    return [stage(index, index) for index in range(frames)]
 
 
 MODELS = [

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from volery.errors import BadInput
-from volery.randomness import stream
 from volery.transport.links import LOST, LinkSettings, Sender
 from volery.transport.losses import Bernoulli, GilbertElliott, Loss
+from volery.transport.stages import Surroundings
 
 FRAMES = 20_000
 SEED = 11
@@ -22,8 +22,8 @@ SEED = 11
 
 def lost(model: Loss, frames: int = FRAMES, seed: int = SEED) -> list[bool]:
     """Which of the frames of one link a model loses."""
-    stage = model.stage(lambda purpose: stream(seed, purpose, "1", "2", "0"))
-    return [stage.lost(index) for index in range(frames)]
+    stage = model.stage(Surroundings.of(seed, "1", "2"))
+    return [stage.lost(index, index, 8) for index in range(frames)]
 
 
 @pytest.mark.parametrize("probability", [0.01, 0.3, 0.9])
