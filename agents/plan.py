@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import BadInput
 from ..transport.faults import Fault, Kill, LinkName
 from ..transport.links import LinkSettings
 
 MILLISECOND_NS = 1_000_000
+Span = tuple[int, int]
+"""Half-open interval [from, until) in nanoseconds."""
 
 
 class World(Protocol):
@@ -26,6 +30,14 @@ class World(Protocol):
 
     def truth(self, time_ns: int) -> NDArray[np.float64]:
         """The true state at an instant."""
+
+
+@runtime_checkable
+class Moving(Protocol):
+    """What a world in which agents move can tell besides."""
+
+    def position(self, agent: str, time_ns: int) -> NDArray[np.float64]:
+        """Where an agent is at an instant, shape (2,) or (3,) [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +58,11 @@ class AgentPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario as the engines see it. `links` holds both directions of every edge."""
+    """A scenario as the engines see it.
+
+    `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
+    which a link is there, ascending and apart; a link that is not in it is always there.
+    """
 
     name: str
     seed: int
@@ -55,6 +71,7 @@ class Plan:
     links: Mapping[LinkName, LinkSettings]
     world: World | None = None
     faults: tuple[Fault, ...] = field(default=())
+    presence: Mapping[LinkName, tuple[Span, ...]] = field(default_factory=dict)
 
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name."""
@@ -64,3 +81,20 @@ class Plan:
         """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""
         kills = [fault for fault in self.faults if isinstance(fault, Kill) and fault.agent == agent]
         return sorted(kills, key=lambda kill: kill.at_ns)
+
+    def distance_m(self, first: str, second: str, time_ns: int) -> float:
+        """Distance of two agents at an instant [m]: in the world where it moves, else between their fixed places.
+
+        Raises:
+            BadInput: the two have no places.
+        """
+        if isinstance(self.world, Moving):
+            apart = self.world.position(first, time_ns) - self.world.position(second, time_ns)
+            return float(np.linalg.norm(apart))
+        here, there = self.agent(first).position, self.agent(second).position
+        if here is None or there is None:
+            raise BadInput(
+                f"agents {first} and {second} have no positions, so there is no distance between them: "
+                "use a topology that has positions, or a world in which agents move"
+            )
+        return math.dist(here, there)
