@@ -13,6 +13,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from volery import topologies, worlds
+from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_parameters import DfaParameters
 from volery.errors import BadInput
 from volery.experiments.link_schema import ACCESSES
@@ -45,7 +46,10 @@ def known(message: str) -> list[str]:
 
 def test_every_field_of_the_schema_is_explained() -> None:
     """Fields and choices of the JSON Schema, of slots, and of the module's parameters stand in the page as code."""
-    names = {*schema_names(json_schema()), *(field.name for field in fields(DfaParameters))}
+    names = {
+        *schema_names(json_schema()),
+        *(field.name for kind in (BeaconParameters, DfaParameters) for field in fields(kind)),
+    }
     names |= {*ACCESSES, *(field.name for access in ACCESSES.values() for field in fields(access))}
     assert len(names) > 50
     assert names - IN_CODE == set()
