@@ -55,7 +55,7 @@ class Context(Protocol):
 
     @property
     def neighbours(self) -> tuple[str, ...]:
-        """Whom it may talk to, in natural order."""
+        """Whom it may talk to now, in natural order."""
 
     @property
     def degrees(self) -> Mapping[str, int]:
@@ -67,7 +67,10 @@ class Context(Protocol):
 
     @property
     def now_ns(self) -> int:
-        """Nominal time of the event in hand, in nanoseconds, or later where that had to wait."""
+        """What its own clock shows for the event in hand, in nanoseconds, or later where that had to wait.
+
+        Without a clock fault this is nominal time. Stamps and timers are by this clock.
+        """
 
     def send(self, target: str, payload: bytes, stream: str = "") -> None:
         """Hand a payload to the link to a neighbour; what becomes of it is not told.
@@ -75,6 +78,13 @@ class Context(Protocol):
         Raises:
             NotANeighbour: there is no link to `target`.
             FrameTooLarge: the payload is over the link's MTU.
+        """
+
+    def broadcast(self, payload: bytes, stream: str = "") -> None:
+        """Hand a payload to the links to all neighbours: one transmission over a shared radio, else one on each link.
+
+        Raises:
+            FrameTooLarge: the payload is over a link's MTU.
         """
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
@@ -124,6 +134,9 @@ class Agent:
 
     def on_timer(self, timer: Timer) -> None:
         """A timer has come due."""
+
+    def on_neighbours(self) -> None:
+        """The graph has changed: `context.neighbours` and `context.degrees` say what it is now."""
 
     @classmethod
     def largest_payload(cls, parameters: Any) -> int | None:

@@ -42,13 +42,13 @@ class NodeContext:
 
     @property
     def neighbours(self) -> tuple[str, ...]:
-        """Whom it may talk to, in natural order."""
-        return self._me.neighbours
+        """Whom it may talk to now, in natural order."""
+        return self._node.present
 
     @property
     def degrees(self) -> Mapping[str, int]:
         """Number of neighbours of itself and of each neighbour."""
-        return self._me.degrees
+        return self._node.degrees
 
     @property
     def position(self) -> tuple[float, ...] | None:
@@ -57,16 +57,21 @@ class NodeContext:
 
     @property
     def now_ns(self) -> int:
-        """Nominal time of the event in hand, or later where that had to wait."""
-        return self._node.now_ns
+        """What its own clock shows for the event in hand, or later where that had to wait."""
+        return self._node.clock.reading(self._node.now_ns)
 
     def send(self, target: str, payload: bytes, stream: str = "") -> None:
         """Hand a payload to the link to a neighbour; what becomes of it is not told."""
-        if target not in self._node.senders:
+        if target not in self._node.present:
             known = ", ".join(self.neighbours)
             raise NotANeighbour(f"agent {self.name} has no link to {target!r}; its neighbours are {known}")
         self._check_promise()
-        self._node.send(target, payload, stream)
+        self._node.sending.send((target,), payload, stream)
+
+    def broadcast(self, payload: bytes, stream: str = "") -> None:
+        """Hand a payload to the links to all neighbours: one transmission over a shared radio, else one on each."""
+        self._check_promise()
+        self._node.sending.broadcast(self.neighbours, payload, stream)
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
         """Ask for `on_timer` at an instant that is not before that of the event in hand."""
@@ -78,7 +83,7 @@ class NodeContext:
     def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
         """Write down an estimate; `index` is the sample it belongs to."""
         flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
-        self._node.journal.estimates.append(Estimate(self.now_ns, quantity, index, flat))
+        self._node.journal.estimates.append(Estimate(self._node.now_ns, quantity, index, flat))
 
     def random(self, purpose: str) -> Stream:
         """The agent's own random stream for a purpose."""

@@ -27,7 +27,7 @@ def oracle(plan: Plan, sample: int) -> NDArray[np.float64] | None:
     None where the sensors that saw something stand on a line.
     """
     assert plan.world is not None
-    seen = [(agent.position, plan.world.measure(agent.name, SENSOR, sample)) for agent in plan.agents]
+    seen = [(agent.position, plan.measure(agent.name, SENSOR, sample)) for agent in plan.agents]
     rows = [(position, value[0]) for position, value in seen if position is not None and value is not None]
     positions = [position for position, _ in rows]
     if not rows or not noncollinear(positions):

@@ -1,23 +1,23 @@
 """A node carries one agent: its events, its links to the neighbours and the faults that touch them.
 
 A node is pure: it is told what arrives and which events are due, and says what it puts on the wire. The twin runs all
-nodes on one heap; a process runs one node on a heap of its own. Both run this same code.
+nodes on one heap; a process runs one node on a heap of its own. Both run this same code. `sending` has its
+transmitters, `hearing` what comes in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from heapq import heappush
 from operator import itemgetter
 from typing import Any
 
-from ..errors import BadInput
-from ..transport import links
+from ..transport.clock import Clock
 from ..transport.events import (
     DATA,
     FAULT,
     FOREVER_NS,
-    FRAME,
     HANDLER,
     OFFER,
     RANK,
@@ -25,25 +25,23 @@ from ..transport.events import (
     SOURCE,
     TIME,
     TIMER,
-    TRANSMIT,
     Event,
 )
-from ..transport.faults import Fault, Kill, LinkFault, Pause, effective
-from ..transport.frames import Frame
+from ..transport.faults import ClockFault, Fault, Kill, LinkFault, Pause, effective
+from ..transport.frames import Frame, Message
+from ..transport.links import LinkSettings
 from ..units import first_period, period_ns
 from .agent import Agent, Received, Sample, Timer
 from .context import NodeContext
-from .journal import Batch, Dropped, Heard, Late, Sent
+from .hearing import Hearing
+from .journal import Batch
 from .plan import Plan
 from .registry import find
+from .sending import Put, Sending
+from .sensing import measured
 
-_INCARNATION_SHIFT = 48
-_ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte"}
-Put = Callable[[str, Frame], None]
-
-
-class FrameTooLarge(BadInput):
-    """A payload over the MTU of its link."""
+_ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "bucket"}
+_GRAPH = "graph"
 
 
 class Node:
@@ -53,12 +51,13 @@ class Node:
         plan: what is run.
         name: which of its agents.
         heap: where events go; shared between the nodes of a twin.
-        put: called with (neighbour, frame) when a transmission starts.
+        put: called with (outlet, message) when a transmission starts.
         incarnation: 0 at first, one more after each restart.
         start_ns: when the agent comes to life.
         index: place among the nodes that share the heap.
 
     `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
+    `neighbours` are all that it ever has, `present` those that it has now.
     """
 
     def __init__(
@@ -74,6 +73,8 @@ class Node:
         me = plan.agent(name)
         self.plan, self.name, self.incarnation, self.index = plan, name, incarnation, index
         self.neighbours = me.neighbours
+        self.present = plan.present(name, start_ns)
+        self.degrees = plan.degrees(name, start_ns)
         self.compute_ns = me.compute_ns
         self.heap = heap
         self.journal = Batch(name, incarnation)
@@ -81,18 +82,15 @@ class Node:
         self.dead = False
         self.start_ns = start_ns
         self.faults: dict[str, Fault] = {}
+        self.clock = Clock()
         self.in_frame = False
-        self.sent = dict.fromkeys(me.neighbours, 0)
-        self.senders = {
-            target: links.Sender(plan.seed, name, target, incarnation, plan.links[name, target])
-            for target in me.neighbours
-        }
-        self._put = put
         self._last: Event = (start_ns, FAULT, "", -1, 0, index, self._on_fault, None)
         self._waiting: list[tuple[Event, Callable[[Event], None]]] | None = None
-        self._next_start: dict[str, int] = {}
+        self._timers: dict[int, tuple[int, Timer]] = {}
         self._count = 0
-        self._fault_instants: set[int] = set()
+        self._changes_ns: set[int] = set()
+        self.sending = Sending(self, put)
+        self.hearing = Hearing(self)
         kind = find(me.kind)
         self.timers_only = kind.timers_only
         self.agent: Agent = kind(NodeContext(self, me), me.parameters)
@@ -101,6 +99,10 @@ class Node:
     def _begin(self, start_ns: int) -> None:
         for fault in self.plan.faults:
             self.arm(fault)
+        for number, time_ns in enumerate(self.plan.graph_changes(self.name)):
+            if time_ns > start_ns:
+                self._changes_ns.add(time_ns)
+                self.schedule(time_ns, FAULT, _GRAPH, number, self._on_graph, None)
         if self.plan.world is not None:
             for sensor, rate in self.plan.world.sensors(self.name).items():
                 self._schedule_sample(sensor, rate, first_period(rate, start_ns))
@@ -108,13 +110,22 @@ class Node:
 
     # -- events -------------------------------------------------------------------------------------------------
 
-    def _schedule(
+    def schedule(
         self, time_ns: int, rank: int, source: str, sequence: int, handler: Callable[[Event], None], data: Any
     ) -> None:
+        """Put an event of this node into the heap."""
         heappush(self.heap, (time_ns, rank, source, sequence, 0, self.index, handler, data))
 
+    def push(self, event: Event) -> None:
+        """Put an event into the heap whose key is made already."""
+        heappush(self.heap, event)
+
+    def has_passed(self, event: Event) -> bool:
+        """Whether something later was handled already."""
+        return event < self._last
+
     def _schedule_sample(self, sensor: str, rate: float, index: int) -> None:
-        self._schedule(
+        self.schedule(
             period_ns(rate, index), SENSE, f"{self.name}.{sensor}", index, self._on_sense, (sensor, rate, index)
         )
 
@@ -123,23 +134,35 @@ class Node:
             return
         sensor, rate, index = event[DATA]
         self._schedule_sample(sensor, rate, index + 1)
-        self._admit(event, self._sense)
+        self.admit(event, self._sense)
 
     def _sense(self, event: Event) -> None:
         sensor, _, index = event[DATA]
-        assert self.plan.world is not None
-        value = self.plan.world.measure(self.name, sensor, index)
-        self.agent.on_sample(Sample(sensor, index, event[TIME], value))
+        value = measured(self.plan, self.faults.values(), self.name, sensor, index)
+        self.agent.on_sample(Sample(sensor, index, self.clock.reading(event[TIME]), value))
+
+    def set_timer(self, timer: Timer) -> None:
+        """Schedule a timer by the agent's own clock; one that is over rings at once."""
+        self._count += 1
+        self._arm_timer(self._count, timer)
+
+    def _arm_timer(self, count: int, timer: Timer) -> None:
+        time_ns = self.clock.when(timer.time_ns, self.now_ns)
+        self._timers[count] = time_ns, timer
+        self.schedule(time_ns, TIMER, self.name, count, self._on_timer, count)
 
     def _on_timer(self, event: Event) -> None:
-        self._admit(event, self._ring)
+        time_ns, timer = self._timers.get(event[DATA], (-1, None))
+        if time_ns == event[TIME]:
+            del self._timers[event[DATA]]
+            self.admit((*event[:DATA], timer), self._ring)
 
     def _ring(self, event: Event) -> None:
         timer: Timer = event[DATA]
         self.event_ns = timer.time_ns
         self.agent.on_timer(timer)
 
-    def _admit(self, event: Event, act: Callable[[Event], None]) -> None:
+    def admit(self, event: Event, act: Callable[[Event], None]) -> None:
         """Let the agent handle an event, unless its processor stands still: then it waits for its turn."""
         if self.dead:
             return
@@ -153,163 +176,109 @@ class Node:
         self._handle(event, act)
 
     def _handle(self, event: Event, act: Callable[[Event], None]) -> None:
-        self.event_ns = event[TIME]
+        self.event_ns = self.clock.reading(event[TIME])
         act(event)
 
-    # -- frames that come in ------------------------------------------------------------------------------------
+    # -- frames -------------------------------------------------------------------------------------------------
 
-    def receive(self, source: str, frame: Frame) -> None:
-        """Take in a frame as soon as the network has it; it is handled when it is due, or at once if it is late.
+    def receive(self, source: str, message: Message) -> None:
+        """Take in a message as soon as the network has it."""
+        self.hearing.receive(source, message)
 
-        A frame that started before this incarnation came to life is none of its business.
-        """
-        if frame.start_ns < self.start_ns:
-            return
-        sequence = (frame.incarnation << _INCARNATION_SHIFT) + frame.sequence
-        event = (frame.due_ns, FRAME, source, sequence, 0, self.index, self._on_arrival, frame)
-        if event < self._last:
-            behind = self.now_ns - frame.due_ns
-            self.journal.late.append(Late(source, frame.incarnation, frame.sequence, frame.due_ns, behind))
-            self._on_arrival(event)
-        else:
-            heappush(self.heap, event)
-
-    def _on_arrival(self, event: Event) -> None:
-        frame: Frame = event[DATA]
-        if self.dead and frame.due_ns >= self.now_ns:
-            return
-        source = event[SOURCE]
-        deaf = self.senders[source].transceiver.deaf(frame.start_ns, frame.start_ns + frame.airtime_ns)
-        fate = links.fate(frame.verdict, deaf=deaf)
-        self.journal.heard.append(Heard(source, frame.incarnation, frame.sequence, frame.due_ns, fate))
-        if fate == links.DELIVERED:
-            self._admit(event, self._deliver)
-
-    def _deliver(self, event: Event) -> None:
+    def deliver(self, event: Event) -> None:
+        """Hand a frame to the agent; its stamp is that of the agent's own clock."""
         frame: Frame = event[DATA]
         self.in_frame = True
-        self.agent.on_frame(Received(event[SOURCE], frame.payload, frame.due_ns))
+        self.agent.on_frame(Received(event[SOURCE], frame.payload, self.clock.reading(event[TIME])))
         self.in_frame = False
 
-    # -- frames that go out -------------------------------------------------------------------------------------
-
-    def send(self, target: str, payload: bytes, stream: str) -> None:
-        """Hand a payload to a link; it is offered `compute` later.
-
-        Raises:
-            FrameTooLarge: the payload is over the MTU; it counts as refused.
-        """
-        sender = self.senders[target]
-        if len(payload) > sender.settings.mtu:
-            self.journal.dropped.append(Dropped(target, sender.refuse(), self.now_ns, "refused"))
-            raise FrameTooLarge(
-                f"agent {self.name}: {len(payload)} B for {target}, the link's MTU is {sender.settings.mtu} B"
-            )
-        self._count += 1
-        self._schedule(self.now_ns + self.compute_ns, OFFER, target, self._count, self._on_offer, (payload, stream))
-
-    def set_timer(self, timer: Timer) -> None:
-        """Schedule a timer of the agent; one that is over because the event in hand had to wait rings at once."""
-        self._count += 1
-        self._schedule(max(timer.time_ns, self.now_ns), TIMER, self.name, self._count, self._on_timer, timer)
-
-    def _on_offer(self, event: Event) -> None:
-        if self.dead:
-            return
-        target = event[SOURCE]
-        for sequence in self.senders[target].offer(event[TIME], *event[DATA]):
-            self.journal.dropped.append(Dropped(target, sequence, event[TIME], "queue"))
-        self._pump(target, event[TIME])
-
-    def _on_transmit(self, event: Event) -> None:
-        if self.dead:
-            return
-        target = event[SOURCE]
-        if self.awaits(event):
-            del self._next_start[target]
-        self._pump(target, event[TIME])
-
-    def _pump(self, target: str, now_ns: int) -> None:
-        """Start the next frame if it may start now; while frames wait, there is an event for the next start."""
-        sender = self.senders[target]
-        start = sender.next_start(now_ns)
-        if start is None or start > now_ns:
-            self._come_back(target, start)
-            return
-        frame = sender.transmit(now_ns)
-        self._come_back(target, sender.next_start(now_ns))
-        self._transmit(target, frame)
-
     def transmit_ahead(self, before_ns: int) -> None:
-        """Put frames on the wire whose start is settled and lies before an instant, as no fault comes in between.
+        """Put frames on the wire whose start lies before an instant, as far as nothing changes until then."""
+        if not self.dead:
+            changes = (instant for instant in self._changes_ns if instant >= self.now_ns)
+            self.sending.transmit_ahead(min([before_ns, *changes]))
 
-        Their nominal start, and all that follows from it, is the same; the network gains the time until then.
-        """
-        if self.dead:
-            return
-        before_ns = min([before_ns, *(instant for instant in self._fault_instants if instant >= self.now_ns)])
-        for target, sender in self.senders.items():
-            while sender.settled and (start := self._next_start.get(target, before_ns)) < before_ns:
-                del self._next_start[target]
-                frame = sender.transmit_ahead(start)
-                self._come_back(target, sender.next_start(start))
-                self._transmit(target, frame)
-
-    def awaits(self, transmit: Event) -> bool:
-        """Whether a frame still waits for this start, and was not put on the wire ahead of it."""
-        return self._next_start.get(transmit[SOURCE]) == transmit[TIME]
-
-    def _come_back(self, target: str, start: int | None) -> None:
-        if start is not None and start < self._next_start.get(target, FOREVER_NS):
-            self._next_start[target] = start
-            self._count += 1
-            self._schedule(start, TRANSMIT, target, self._count, self._on_transmit, None)
-
-    def _transmit(self, target: str, frame: links.Transmission) -> None:
-        sequence, payload, start, airtime, due, verdict = frame
-        self.journal.sent.append(Sent(target, sequence, len(payload), start, airtime, due, verdict))
-        self.sent[target] += 1
-        carried = payload if verdict == links.DELIVERED else b""
-        self._put(
-            target, Frame(self.incarnation, sequence, start, airtime, due, verdict, carried, self.sent[target], None)
-        )
-
-    # -- faults -------------------------------------------------------------------------------------------------
+    # -- faults and the graph -----------------------------------------------------------------------------------
 
     def arm(self, fault: Fault) -> None:
         """Take note of a fault, or of a new end of one that is known; what does not touch this node is passed over."""
-        sources = {source for source, _ in fault.links} if isinstance(fault, LinkFault) else {fault.agent}
-        if self.name not in sources or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
+        if not self._touches(fault) or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
             return
         known = self.faults.get(fault.id)
         self.faults[fault.id] = fault
-        self._fault_instants |= {fault.at_ns, FOREVER_NS if fault.until_ns is None else fault.until_ns}
+        self._changes_ns |= {fault.at_ns, FOREVER_NS if fault.until_ns is None else fault.until_ns}
         if known is None or known.at_ns != fault.at_ns:
-            self._schedule(max(fault.at_ns, self.start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
+            self.schedule(max(fault.at_ns, self.start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
         if fault.until_ns is not None and (known is None or known.until_ns != fault.until_ns):
-            self._schedule(max(fault.until_ns, self.start_ns), FAULT, fault.id, 1, self._on_fault, fault.id)
+            self.schedule(max(fault.until_ns, self.start_ns), FAULT, fault.id, 1, self._on_fault, fault.id)
+
+    def _touches(self, fault: Fault) -> bool:
+        """A link's settings are its source's business, and frames are held back at its target."""
+        if not isinstance(fault, LinkFault):
+            return fault.agent == self.name
+        ends = {source for source, _ in fault.links}
+        if "hold" in fault.changes:
+            ends |= {target for _, target in fault.links}
+        return self.name in ends
 
     def _on_fault(self, event: Event) -> None:
         if self.dead:
             return
         fault = self.faults[event[DATA]]
-        self._last = max(self._last, event)
-        self.now_ns = max(self.now_ns, event[TIME])
+        self._note_time(event)
         if isinstance(fault, LinkFault):
             self._change_links(fault)
         elif isinstance(fault, Pause):
             self._stand_still_or_go_on()
-        elif event[TIME] == fault.at_ns:
+        elif isinstance(fault, ClockFault):
+            self._set_clock()
+        elif isinstance(fault, Kill) and event[TIME] == fault.at_ns:
             self._die()
 
+    def _note_time(self, event: Event) -> None:
+        self._last = max(self._last, event)
+        self.now_ns = max(self.now_ns, event[TIME])
+
+    def settings(self, target: str) -> LinkSettings:
+        """Of the link to a neighbour, now: its own, changed by the faults in force and by the graph."""
+        settings = self._effective((self.name, target))
+        return settings if target in self.present else replace(settings, present=False)
+
+    def _effective(self, link: tuple[str, str]) -> LinkSettings:
+        faults = [fault for fault in self.faults.values() if isinstance(fault, LinkFault)]
+        return effective(self.plan.links[link], link, faults, self.now_ns)
+
     def _change_links(self, fault: LinkFault) -> None:
-        all_faults = [other for other in self.faults.values() if isinstance(other, LinkFault)]
         for source, target in fault.links:
             if source == self.name:
-                settings = effective(self.plan.links[source, target], (source, target), all_faults, self.now_ns)
-                sender = self.senders[target]
-                sender.change(settings)
-                self._come_back(target, sender.next_start(self.now_ns))
+                self.sending.change(target, self.settings(target))
+            elif target == self.name and "hold" in fault.changes:
+                self._hold_or_release(source)
+
+    def _hold_or_release(self, source: str) -> None:
+        if self._effective((source, self.name)).hold:
+            self.hearing.hold(source)
+        else:
+            self.hearing.release(source)
+
+    def _on_graph(self, event: Event) -> None:
+        """Neighbours come and go."""
+        if self.dead:
+            return
+        self._note_time(event)
+        self.present = self.plan.present(self.name, event[TIME])
+        self.degrees = self.plan.degrees(self.name, event[TIME])
+        for target in self.neighbours:
+            self.sending.change(target, self.settings(target))
+        self.admit(event, lambda _event: self.agent.on_neighbours())
+
+    def _set_clock(self) -> None:
+        """Another reading from now on: pending timers are armed anew."""
+        faults = (fault for fault in self.faults.values() if isinstance(fault, ClockFault))
+        self.clock = Clock(fault for fault in faults if fault.in_force(self.now_ns))
+        self.sending.set_clock(self.clock)
+        for count, (_, timer) in list(self._timers.items()):
+            self._arm_timer(count, timer)
 
     def _die(self) -> None:
         self.finish()
@@ -329,49 +298,46 @@ class Node:
     # -- the end, and what can be promised ----------------------------------------------------------------------
 
     def finish(self) -> None:
-        """Write down which frames still wait for their transmitter."""
-        for target, sender in self.senders.items():
-            if waiting := sender.waiting():
-                self.journal.events.append({"event": "queued", "target": target, "sequences": waiting})
+        """Write down which frames still wait for their transmitter, and which are held back."""
+        self.sending.finish()
+        self.hearing.finish()
 
     def take_journal(self) -> Batch:
         """The entries since the last call."""
         batch, self.journal = self.journal, Batch(self.name, self.incarnation)
         return batch
 
-    def promises(self, targets: Iterable[str], arrivals_ns: int) -> dict[str, int]:
-        """For each target the earliest instant at which the next transmission to it can start, or for ever.
+    def promises(self, outlets: Iterable[str], arrivals_ns: int) -> dict[str, int]:
+        """For each outlet the earliest instant at which its next transmission can start, or for ever.
 
         An agent that stands still may be told to go on at any instant that nobody has passed.
 
         Args:
-            targets: neighbours.
+            outlets: names of outlets.
             arrivals_ns: no frame that is yet unheard is due before this.
         """
         if self.dead:
-            return dict.fromkeys(targets, FOREVER_NS)
+            return dict.fromkeys(outlets, FOREVER_NS)
         on_timers = self.timers_only and self._waiting is None
         acts = FOREVER_NS if on_timers else arrivals_ns
-        starts, changes = dict.fromkeys(self.senders, FOREVER_NS), dict.fromkeys(self.senders, FOREVER_NS)
+        starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
             if rank >= OFFER:
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif time_ns < acts and not (on_timers and event[HANDLER] == self._on_arrival):
+            elif time_ns < acts and not (on_timers and isinstance(event[DATA], Frame)):
                 acts = time_ns
             if rank == FAULT:
-                for target in self._accesses_changed(self.faults[event[DATA]]):
-                    changes[target] = min(time_ns, changes[target])
-        ready = {target: min(acts + self.compute_ns, starts[target]) for target in targets}
-        return {
-            target: min(self.senders[target].earliest_next(ready_ns), changes[target])
-            if ready_ns < FOREVER_NS
-            else FOREVER_NS
-            for target, ready_ns in ready.items()
-        }
+                for name in self._accesses_changed(event):
+                    changes[name] = min(time_ns, changes[name])
+        ready = {name: min(acts + self.compute_ns, starts[name]) for name in outlets}
+        return {name: min(start, changes[name]) for name, start in self.sending.earliest_starts(ready).items()}
 
-    def _accesses_changed(self, fault: Fault) -> Iterable[str]:
-        """The neighbours to whom frames may start at other instants once a fault begins or ends."""
+    def _accesses_changed(self, event: Event) -> Iterable[str]:
+        """The outlets whose frames may start at other instants once a fault begins or ends."""
+        fault = self.faults.get(event[DATA]) if event[HANDLER] == self._on_fault else None
+        if isinstance(fault, ClockFault):
+            return self.sending.outlets
         if not isinstance(fault, LinkFault) or not _ACCESS_FIELDS & fault.changes.keys():
             return ()
-        return (target for source, target in fault.links if source == self.name)
+        return {self.sending.outlet_of[target] for source, target in fault.links if source == self.name}

@@ -11,9 +11,10 @@ from collections import deque
 from collections.abc import Callable
 from heapq import heappop
 
-from ..transport.events import FOREVER_NS, HANDLER, OFFER, RANK, TIME, TRANSMIT, Event
+from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, RANK, SOURCE, TIME, TRANSMIT, Event
 from ..transport.faults import Fault, LinkFault
-from ..transport.frames import PROMISE_ONLY, Frame, promise
+from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
+from ..transport.media import AIR
 from ..transport.promises import Horizon, lookahead_segments
 from ..transport.timerfd import TimerFd
 from .node import Node
@@ -29,7 +30,7 @@ Far less than live faults are announced ahead; and not more, so that frames that
 _LATENESS_KEPT = 50_000
 _NOBODY = ""
 
-Write = Callable[[str, Frame], None]
+Write = Callable[[str, Message], None]
 Guard = Callable[[Callable[[], None]], Callable[[], None]]
 """Makes a function report what it raises."""
 
@@ -43,17 +44,17 @@ class Mailbox:
     LIMIT = 200_000
 
     def __init__(self) -> None:
-        self._frames: deque[tuple[str, Frame]] = deque()
+        self._frames: deque[tuple[str, Message]] = deque()
         self.overflowed = 0
 
-    def put(self, source: str, frame: Frame) -> None:
+    def put(self, source: str, frame: Message) -> None:
         """Keep a frame; called on Zenoh's thread. One too many is lost, and counted."""
         if len(self._frames) < self.LIMIT:
             self._frames.append((source, frame))
         else:
             self.overflowed += 1
 
-    def take(self) -> list[tuple[str, Frame]]:
+    def take(self) -> list[tuple[str, Message]]:
         """All frames that are here, in the order in which they came; called on the loop."""
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
@@ -74,7 +75,7 @@ class Realtime:
         self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard, speed: float
     ) -> None:
         self._write = write
-        self._outbox: list[tuple[str, Frame]] = []
+        self._outbox: list[tuple[str, Message]] = []
         self.mail = Mailbox()
         self.lateness_ns: list[int] = []
         self._loop = loop
@@ -97,7 +98,7 @@ class Realtime:
         """Nominal time by the wall clock."""
         return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
 
-    def arrived(self, source: str, frame: Frame) -> None:
+    def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame until it is due, or wake up earlier for it; called on Zenoh's thread."""
         if frame.sequence == PROMISE_ONLY:
             return
@@ -105,7 +106,7 @@ class Realtime:
         if self._armed_ns and (due_ns := self._wall_ns(frame.due_ns)) < self._armed_ns:
             self._arm_timer(due_ns)
 
-    def put(self, target: str, frame: Frame) -> None:
+    def put(self, target: str, frame: Message) -> None:
         """Keep a frame until the turn is over: frames that go out together cost fewer wake-ups of Zenoh's threads."""
         self._outbox.append((target, frame))
 
@@ -145,7 +146,7 @@ class Realtime:
             event = heappop(heap)
             event[HANDLER](event)
         node.transmit_ahead(min(now + self._ahead_ns, self._end_ns))
-        while heap and heap[0][RANK] == TRANSMIT and not node.awaits(heap[0]):
+        while heap and heap[0][RANK] == TRANSMIT and not node.sending.awaits(heap[0]):
             heappop(heap)
         self._send()
         if heap and heap[0][TIME] < self._end_ns and not node.dead:
@@ -214,7 +215,8 @@ class Lockstep:
         self._node = node
         self._end_ns = node.plan.duration_ns
         self._faults = {fault.id: fault for fault in node.plan.faults}
-        self._told = dict.fromkeys(node.neighbours, 0)
+        self._told = dict.fromkeys(node.sending.outlets, 0)
+        self._on_air = [source for source in node.neighbours if node.sending.outlet_of[source] == AIR]
         self._horizon = Horizon(node.name, {source: self._segments(source) for source in node.neighbours})
         self.advance()
 
@@ -227,20 +229,20 @@ class Lockstep:
         """Nominal time of the last event."""
         return self._node.now_ns
 
-    def put(self, target: str, frame: Frame) -> None:
+    def put(self, outlet: str, frame: Message) -> None:
         """Send a frame with the promise that nothing starts before the next."""
-        self._write(target, frame._replace(promise_ns=self._promise([target])[target]))
+        self._write(outlet, frame._replace(promise_ns=self._promise([outlet])[outlet]))
 
-    def _promise(self, targets: list[str]) -> dict[str, int]:
+    def _promise(self, outlets: list[str]) -> dict[str, int]:
         """New promises, never behind what was told; but for the one for ever, none reaches past the end of the run."""
-        promises = self._node.promises(targets, self._horizon.safe_ns())
-        for target, promise_ns in promises.items():
+        promises = self._node.promises(outlets, self._horizon.safe_ns())
+        for outlet, promise_ns in promises.items():
             if promise_ns < FOREVER_NS:
-                promises[target] = max(min(promise_ns, self._end_ns), self._told[target])
-            self._told[target] = promises[target]
+                promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
+            self._told[outlet] = promises[outlet]
         return promises
 
-    def arrived(self, source: str, frame: Frame) -> None:
+    def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame or promise until all that stand in the way were heard; called on Zenoh's thread."""
         self.mail.put(source, frame)
         blocking = self._blocking
@@ -260,7 +262,7 @@ class Lockstep:
                 if frame.sequence != PROMISE_ONLY:
                     self._node.receive(source, frame)
             self._handle_safe()
-            self._blocking = self._horizon.blocking()
+            self._blocking = self._unheard() or self._horizon.blocking()
             if not self.mail:
                 return
 
@@ -268,15 +270,23 @@ class Lockstep:
         node, heap = self._node, self._node.heap
         safe = self._horizon.safe_ns()
         limit = min(safe, self._end_ns)
-        while heap and heap[0][TIME] < limit:
+        while heap and heap[0][TIME] < limit and not self._unheard():
             event = heappop(heap)
             event[HANDLER](event)
         told = dict(self._told)
-        for target, promise_ns in self._promise(list(node.neighbours)).items():
-            if promise_ns > told[target]:
-                self._write(target, promise(node.incarnation, promise_ns, node.sent[target]))
+        for outlet, promise_ns in self._promise(list(told)).items():
+            if promise_ns > told[outlet]:
+                say = air_promise if outlet == AIR else promise
+                self._write(outlet, say(node.incarnation, promise_ns, node.sending.sent[outlet]))
         if node.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
             self._done()
+
+    def _unheard(self) -> set[str]:
+        """Who may still transmit while the next frame from the air is on it, and destroy it."""
+        event = self._node.heap[0] if self._on_air and self._node.heap else None
+        if event is None or not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
+            return set()
+        return self._horizon.silent_before(event[DATA].start_ns + event[DATA].airtime_ns, self._on_air)
 
     def hold(self) -> int:
         """Stand still; the instant that no event handled and no promise given has passed."""

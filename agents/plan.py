@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..transport.faults import Fault, Kill, LinkName
 from ..transport.links import LinkSettings
+from .sensing import measured
 
 MILLISECOND_NS = 1_000_000
 Span = tuple[int, int]
@@ -61,7 +62,8 @@ class Plan:
     """A scenario as the engines see it.
 
     `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
-    which a link is there, ascending and apart; a link that is not in it is always there.
+    which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
+    how many there are), for radios that take turns.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Plan:
     world: World | None = None
     faults: tuple[Fault, ...] = field(default=())
     presence: Mapping[LinkName, tuple[Span, ...]] = field(default_factory=dict)
+    slots: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name."""
@@ -81,6 +84,31 @@ class Plan:
         """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""
         kills = [fault for fault in self.faults if isinstance(fault, Kill) and fault.agent == agent]
         return sorted(kills, key=lambda kill: kill.at_ns)
+
+    def present(self, name: str, time_ns: int) -> tuple[str, ...]:
+        """The neighbours that an agent has at an instant, in natural order."""
+        return tuple(other for other in self.agent(name).neighbours if self.is_present((name, other), time_ns))
+
+    def is_present(self, link: LinkName, time_ns: int) -> bool:
+        """Whether the graph has a link at an instant."""
+        spans = self.presence.get(link)
+        return spans is None or any(start <= time_ns < end for start, end in spans)
+
+    def degrees(self, name: str, time_ns: int) -> Mapping[str, int]:
+        """Number of neighbours of an agent and of each that is its neighbour at an instant."""
+        if not self.presence:
+            return self.agent(name).degrees
+        return {other: len(self.present(other, time_ns)) for other in (name, *self.present(name, time_ns))}
+
+    def graph_changes(self, name: str) -> list[int]:
+        """When a neighbour of an agent, or a neighbour's number of neighbours, changes: instants in ascending order."""
+        near = {name, *self.agent(name).neighbours}
+        spans = (span for link, spans in self.presence.items() if link[0] in near for span in spans)
+        return sorted({instant for span in spans for instant in span})
+
+    def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
+        """What an agent sees: a sensor's index-th sample, with the sensor faults of this plan."""
+        return measured(self, self.faults, agent, sensor, index)
 
     def distance_m(self, first: str, second: str, time_ns: int) -> float:
         """Distance of two agents at an instant [m]: in the world where it moves, else between their fixed places.

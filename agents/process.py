@@ -25,8 +25,9 @@ from ..transport import fabric
 from ..transport import zenoh_session as zs
 from ..transport.events import Event
 from ..transport.faults import from_plain
-from ..transport.frames import DamagedFrame, Frame, decode, encode, promise
+from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
+from ..transport.media import AIR, on_air
 from .node import Node
 from .pacing import Lockstep, Realtime
 from .plan import Plan
@@ -96,7 +97,13 @@ class _Shell:
         session = zs.open_client(it.endpoint, zs.Credentials(it.name, it.password))
         try:
             me = it.plan.agent(it.name)
-            self._links = {other: zs.publisher(session, keys.link(it.name, other)) for other in me.neighbours}
+            radio = {other for other in me.neighbours if on_air(it.plan.links[it.name, other].medium)}
+            self._links = {
+                other: zs.publisher(session, keys.link(it.name, other)) for other in me.neighbours if other not in radio
+            }
+            if radio:
+                self._links[AIR] = zs.publisher(session, keys.air(it.name))
+                self._listening = session.declare_subscriber(keys.air("*"), self._heard)
             self._telemetry = zs.publisher(session, keys.telemetry(it.name))
             self._pacer: Realtime | Lockstep = (
                 Realtime(loop, self._write, self._done, self._guard, it.speed)
@@ -115,8 +122,8 @@ class _Shell:
         if self._crashed:
             sys.exit(1)
 
-    def _write(self, target: str, frame: Frame) -> None:
-        self._links[target].put(encode(frame))
+    def _write(self, outlet: str, message: Message) -> None:
+        self._links[outlet].put(encode(message))
 
     def _guard(self, handle: Callable[[], None]) -> Callable[[], None]:
         """An exception in the agent's code ends its process, and is told."""
@@ -178,12 +185,14 @@ class _Shell:
         Agents are pure and an empty promise says nothing, so that nothing comes of it but warm code and known routes:
         the first round of the run is not slower than the rest.
         """
-        for other in self._links:
-            self._write(other, promise(self._it.incarnation, 0, 0))
+        for outlet in self._links:
+            say = air_promise if outlet == AIR else promise
+            self._write(outlet, say(self._it.incarnation, 0, 0))
         heap: list[Event] = []
 
-        def echo(target: str, frame: Frame) -> None:
-            node.receive(target, decode(encode(frame)))
+        def echo(outlet: str, message: Message) -> None:
+            for target in self._it.plan.agent(self._it.name).neighbours if outlet == AIR else (outlet,):
+                node.receive(target, decode(encode(message)))
 
         with contextlib.suppress(Exception):
             node = Node(self._it.plan, self._it.name, heap, echo)

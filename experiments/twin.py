@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from heapq import heappush
 from typing import Any, Protocol
 
 from ..agents.journal import Batch
-from ..agents.node import Node, Put
+from ..agents.node import Node
 from ..agents.plan import Plan
+from ..agents.sending import Put
 from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
-from ..transport.frames import Frame, decode, encode
+from ..transport.frames import Message, decode, encode
+from ..transport.media import AIR
 
 _PROGRESS_EVERY_NS = 100_000_000
 _RESTART = 2
@@ -61,12 +63,20 @@ class Twin:
         return Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index)
 
     def _carry(self, source: str) -> Put:
-        def put(target: str, frame: Frame) -> None:
-            last = self._last_heard.get((source, frame.incarnation, target))
-            if last is None or frame.sequence <= last:
-                self.nodes[target].receive(source, decode(encode(frame)))
+        def put(outlet: str, message: Message) -> None:
+            data = encode(message)
+            for target in self._reached(source, outlet):
+                last = self._last_heard.get((source, message.incarnation, target))
+                if last is None or last >= message.last_sequence(target):
+                    self.nodes[target].receive(source, decode(data))
 
         return put
+
+    def _reached(self, source: str, outlet: str) -> Iterable[str]:
+        """Whom an outlet reaches: one neighbour, or all that hear the radio."""
+        if outlet != AIR:
+            return (outlet,)
+        return [way.target for way in self.nodes[source].sending.outlets[AIR].ways]
 
     def _restart(self, event: Event) -> None:
         name, incarnation = event[DATA]

@@ -1,8 +1,8 @@
 """Who may do what on the wire: the hub's access control, generated from the graph. Everything else is denied.
 
-Agent i may put on link/i/j and hear link/j/i for its neighbours j, write its telemetry, answer on its control key and
-show that it is alive. The operator, a command line on a running swarm, may query the supervisor. What is refused is
-silence: nobody is told.
+Agent i may put on link/i/j and air/i and hear link/j/i and air/j for its neighbours j, write its telemetry, answer on
+its control key and show that it is alive. The operator, a command line on a running swarm, may query the supervisor.
+What is refused is silence: nobody is told.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ def _rule(name: str, messages: list[str], flow: str, keys: list[str]) -> Rule:
 
 def agent_rules(keys: Keys, agent: str, neighbours: Iterable[str]) -> list[Rule]:
     """What one agent may do."""
-    out = [keys.link(agent, other) for other in neighbours]
-    heard = [keys.link(other, agent) for other in neighbours]
+    out = [*(keys.link(agent, other) for other in neighbours), keys.air(agent)]
+    heard = [key for other in neighbours for key in (keys.link(other, agent), keys.air(other))]
     own, control = [keys.telemetry(agent)], [keys.control(agent)]
     inboxes = [keys.inbox(other) for other in neighbours]
     return [
         _rule(f"{agent}-put", ["put"], "ingress", out + own),
-        _rule(f"{agent}-heard-out", ["declare_subscriber"], "egress", [*inboxes, keys.telemetry("*")]),
+        _rule(f"{agent}-heard-out", ["declare_subscriber"], "egress", [*inboxes, keys.air("*"), keys.telemetry("*")]),
         _rule(f"{agent}-hear", ["put"], "egress", heard),
-        _rule(f"{agent}-inbox", ["declare_subscriber"], "ingress", [keys.inbox(agent)]),
+        _rule(f"{agent}-inbox", ["declare_subscriber"], "ingress", [keys.inbox(agent), keys.air("*")]),
         _rule(f"{agent}-asked", ["query"], "egress", [*control, keys.control("*")]),
         _rule(f"{agent}-answers", ["declare_queryable", "reply"], "ingress", control),
         _rule(f"{agent}-alive", ["liveliness_token"], "ingress", [keys.alive(agent)]),

@@ -2,7 +2,8 @@
 
 A frame carries its own story: when it started, how long it was on the air, when it is due and what the sender's link
 did to it. Frames that the link lost travel too, without their payload, so that sequence numbers have no gaps but those
-of the middleware, and half-duplex can be decided where it belongs.
+of the middleware, and half-duplex can be decided where it belongs. What a radio transmits is put once for all that hear
+it, with the story for each of its targets.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from typing import NamedTuple
 import msgpack
 
 from ..errors import VoleryError
+from .links import DELIVERED
+from .propagation import Copy
 
-VERSION = 1
+VERSION = 2
 _HEAD = 5
-_FIELDS = 9
 
 
 class DamagedFrame(VoleryError):
@@ -27,7 +29,7 @@ class Frame(NamedTuple):
     """One frame on the link, or a bare promise (`sequence` is then −1 and nothing is delivered).
 
     `promise_ns`: no later frame of this link starts before that instant; None outside lockstep pace.
-    `sent`: frames of this link and incarnation put so far, this one included.
+    `sent`: frames of this link and incarnation put so far, this one included. `copy` is 1 for a duplicate.
     """
 
     incarnation: int
@@ -39,8 +41,61 @@ class Frame(NamedTuple):
     payload: bytes
     sent: int
     promise_ns: int | None
+    copy: int = 0
+
+    def last_sequence(self, _target: str) -> int:
+        """Its number on the link."""
+        return self.sequence
 
 
+class AirFrame(NamedTuple):
+    """What a radio transmitted, or a bare promise (`sequence` is then −1): heard by all its neighbours.
+
+    `sequence` counts the radio's transmissions. `copies`: the arrivals, (target, sequence on the link, copy, due_ns,
+    verdict). `shaded`: the neighbours that hear nothing of it, because their link is cut or not there.
+    `sent` and `promise_ns` as in `Frame`.
+    """
+
+    incarnation: int
+    sequence: int
+    start_ns: int
+    airtime_ns: int
+    payload: bytes
+    sent: int
+    promise_ns: int | None
+    copies: tuple[Copy, ...]
+    shaded: tuple[str, ...]
+
+    @property
+    def due_ns(self) -> int:
+        """When the first of its arrivals is due; its start, where there is none."""
+        return min((copy.due_ns for copy in self.copies), default=self.start_ns)
+
+    def last_sequence(self, target: str) -> int:
+        """The number of its arrival on the link to a neighbour; −1 where it is for others only."""
+        return max((copy.sequence for copy in self.copies if copy.target == target), default=-1)
+
+    def for_target(self, target: str) -> list[Frame]:
+        """The frames that arrive at one neighbour."""
+        return [
+            Frame(
+                self.incarnation,
+                copy.sequence,
+                self.start_ns,
+                self.airtime_ns,
+                copy.due_ns,
+                copy.verdict,
+                self.payload if copy.verdict == DELIVERED else b"",
+                self.sent,
+                self.promise_ns,
+                copy.copy,
+            )
+            for copy in self.copies
+            if copy.target == target
+        ]
+
+
+Message = Frame | AirFrame
 PROMISE_ONLY = -1
 
 
@@ -49,13 +104,18 @@ def promise(incarnation: int, promise_ns: int, sent: int) -> Frame:
     return Frame(incarnation, PROMISE_ONLY, 0, 0, 0, "", b"", sent, promise_ns)
 
 
-def encode(frame: Frame) -> bytes:
+def air_promise(incarnation: int, promise_ns: int, sent: int) -> AirFrame:
+    """The promise of a radio, to all that hear it."""
+    return AirFrame(incarnation, PROMISE_ONLY, 0, 0, b"", sent, promise_ns, (), ())
+
+
+def encode(frame: Message) -> bytes:
     """Bytes of a frame: version, CRC-32 of the body, the body."""
     body: bytes = msgpack.packb(frame)
     return bytes((VERSION,)) + zlib.crc32(body).to_bytes(4, "little") + body
 
 
-def decode(data: bytes) -> Frame:
+def decode(data: bytes) -> Message:
     """The frame in these bytes.
 
     Raises:
@@ -70,6 +130,9 @@ def decode(data: bytes) -> Frame:
         fields = msgpack.unpackb(body)
     except (ValueError, msgpack.UnpackException) as error:
         raise DamagedFrame(f"frame of {len(data)} bytes: not MessagePack ({error})") from error
-    if not isinstance(fields, list) or len(fields) != _FIELDS:
-        raise DamagedFrame(f"frame of {len(data)} bytes: not {_FIELDS} fields")
-    return Frame(*fields)
+    if isinstance(fields, list) and len(fields) == len(Frame._fields):
+        return Frame(*fields)
+    if isinstance(fields, list) and len(fields) == len(AirFrame._fields):
+        fields[-2:] = tuple(Copy(*copy) for copy in fields[-2]), tuple(fields[-1])
+        return AirFrame(*fields)
+    raise DamagedFrame(f"frame of {len(data)} bytes: not {len(Frame._fields)} or {len(AirFrame._fields)} fields")

@@ -1,7 +1,7 @@
 """Key expressions of a run.
 
-volery/<run>/link/<src>/<dst>, …/control/<agent>/<incarnation>, …/telemetry/<agent>, …/alive/<agent>/<incarnation>,
-…/supervisor.
+volery/<run>/link/<src>/<dst>, …/air/<src>, …/control/<agent>/<incarnation>, …/telemetry/<agent>,
+…/alive/<agent>/<incarnation>, …/supervisor.
 """
 
 from __future__ import annotations
@@ -21,6 +21,10 @@ class Keys:
     def link(self, source: str, target: str) -> str:
         """Frames and promises from one agent to a neighbour."""
         return f"{ROOT}/{self.run}/link/{source}/{target}"
+
+    def air(self, source: str) -> str:
+        """What an agent's radio transmits, and its promises; `*` for all."""
+        return f"{ROOT}/{self.run}/air/{source}"
 
     def inbox(self, target: str) -> str:
         """Everything that neighbours send to an agent."""
@@ -43,9 +47,9 @@ class Keys:
         return f"{ROOT}/{self.run}/alive/{name}/{incarnation}"
 
     @staticmethod
-    def source_of(link_key: str) -> str:
-        """Who sent what came on this link key."""
-        return link_key.rsplit("/", 2)[1]
+    def source_of(key: str) -> str:
+        """Who sent what came on this key of a link or of the air."""
+        return key.split("/", 4)[3]
 
     @staticmethod
     def agent_of(key: str) -> tuple[str, int]:

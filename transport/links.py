@@ -1,22 +1,20 @@
-"""A directed link: its settings, and the sender's part of its pipeline.
+"""A directed link as data: everything that a fault may change on it, and what can become of a frame.
 
-queue → medium access → airtime → loss → latency. The receiver's part, half-duplex, is in `media`.
+queue → medium access → airtime → loss → corruption → duplication → latency → delivery. `transmitter` has the first
+three stages, `propagation` the next four; the receiver's part, half-duplex and collision, is in `media`.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from ..errors import BadInput
-from ..topologies import natural_key
 from ..units import BitsPerSecond, Bytes
 from .latencies import Constant, Latency
 from .losses import Loss
-from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Medium, Transceiver
-from .stages import Surroundings
+from .media import FullDuplex, Medium
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_TRAVEL_NS = 1
@@ -30,6 +28,12 @@ DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
     "corrupt",
 )
 """Fates of a frame on the air, in the order in which they count where causes overlap."""
+
+
+def duration_ns(bits: int, rate: float) -> int:
+    """How long so many bits take at a rate in bit/s, rounded up."""
+    exact = Fraction(rate) if rate % 1 else int(rate)
+    return -(-bits * NANOSECONDS // exact)
 
 
 @dataclass(frozen=True)
@@ -96,156 +100,21 @@ class LinkSettings:
         if not 0 <= self.duplication <= 1:
             raise BadInput(f"duplication is {self.duplication:g}, a probability lies between 0 and 1")
 
+    def bits(self, payload_bytes: int) -> int:
+        """Length of a frame on the air: (payload + overhead) · bits per byte."""
+        return (payload_bytes + self.overhead) * self.bits_per_byte
+
     def airtime_ns(self, payload_bytes: int) -> int:
-        """Time on the air of a frame: (payload + overhead) · bits per byte / rate, rounded up; 0 without a rate."""
-        if self.rate is None:
-            return 0
-        bits = (payload_bytes + self.overhead) * self.bits_per_byte
-        rate = Fraction(self.rate) if self.rate % 1 else int(self.rate)
-        return -(-bits * NANOSECONDS // rate)
+        """Time on the air of a frame: its bits / rate, rounded up; 0 without a rate."""
+        return 0 if self.rate is None else duration_ns(self.bits(payload_bytes), self.rate)
 
     def lookahead_ns(self) -> int:
         """The least that these settings ask for from start to due: airtime of an empty payload and shortest latency."""
         return self.airtime_ns(0) + self.latency.minimum_ns
 
 
-class Waiting(NamedTuple):
-    """A frame in the queue."""
-
-    sequence: int
-    payload: bytes
-    stream: str
-
-
-class Transmission(NamedTuple):
-    """A frame that has started: its interval on the air, when it is due, and the sender's verdict on it."""
-
-    sequence: int
-    payload: bytes
-    start_ns: int
-    airtime_ns: int
-    due_ns: int
-    verdict: str
-
-
-class Sender:
-    """The sending end of the link src → dst: a state machine without a clock.
-
-    `incarnation` counts the restarts of the source; a restarted agent draws from streams of its own.
-    """
-
-    __slots__ = (
-        "_ahead",
-        "_around",
-        "_free_at",
-        "_latency",
-        "_losses",
-        "_slot",
-        "_waiting",
-        "sequence",
-        "settings",
-        "transceiver",
-    )
-
-    def __init__(self, seed: int, source: str, target: str, incarnation: int, settings: LinkSettings) -> None:
-        self._around = Surroundings.of(seed, source, target, incarnation)
-        self._slot = int(natural_key(source) > natural_key(target))
-        self._free_at = 0
-        self._waiting: deque[Waiting] = deque()
-        self._ahead: deque[int] = deque()
-        self.sequence = 0
-        self.transceiver = Transceiver()
-        self.settings = settings
-        self._losses = [model.stage(self._around) for model in settings.loss]
-        self._latency = settings.latency.stage(self._around)
-
-    def change(self, settings: LinkSettings) -> None:
-        """Take new settings; models that stay keep their state."""
-        before, self.settings = self.settings, settings
-        if settings.loss != before.loss:
-            self._losses = [model.stage(self._around) for model in settings.loss]
-        if settings.latency != before.latency:
-            self._latency = settings.latency.stage(self._around)
-
-    def offer(self, now_ns: int, payload: bytes, stream_name: str = "") -> list[int]:
-        """Put a frame into the queue; the sequence numbers that its policy throws out, in order.
-
-        A frame that was transmitted ahead of its start takes up room until then. The caller has checked the size
-        against the MTU.
-        """
-        while self._ahead and self._ahead[0] <= now_ns:
-            self._ahead.popleft()
-        newcomer = Waiting(self.sequence, payload, stream_name)
-        self.sequence += 1
-        queue = self.settings.queue
-        if queue.policy == "latest":
-            for place, waiting in enumerate(self._waiting):
-                if waiting.stream == stream_name:
-                    self._waiting[place] = newcomer
-                    return [waiting.sequence]
-        if len(self._waiting) + len(self._ahead) < queue.limit:
-            self._waiting.append(newcomer)
-            return []
-        if queue.policy == "drop-head":
-            self._waiting.append(newcomer)
-            return [self._waiting.popleft().sequence]
-        return [newcomer.sequence]
-
-    def refuse(self) -> int:
-        """Count a frame that is too large to be offered; its sequence number."""
-        self.sequence += 1
-        return self.sequence - 1
-
-    def waiting(self) -> list[int]:
-        """Sequence numbers of the frames in the queue."""
-        return [frame.sequence for frame in self._waiting]
-
-    def next_start(self, now_ns: int) -> int | None:
-        """When the frame at the head of the queue may start, as things stand; None with an empty queue."""
-        if not self._waiting:
-            return None
-        ready = max(now_ns, self._free_at)
-        medium = self.settings.medium
-        if isinstance(medium, FullDuplex):
-            return ready
-        airtime = self.settings.airtime_ns(len(self._waiting[0].payload))
-        return medium.access.earliest_start(ready, airtime, self._slot, EDGE_SLOTS)
-
-    @property
-    def settled(self) -> bool:
-        """Whether nothing that is offered later can take the place of a frame that waits."""
-        return self.settings.queue.policy == "drop-tail"
-
-    def earliest_next(self, ready_ns: int) -> int:
-        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
-        ready = max(ready_ns, self._free_at)
-        medium = self.settings.medium
-        if isinstance(medium, FullDuplex):
-            return ready
-        return medium.access.earliest_start(ready, self.settings.airtime_ns(0), self._slot, EDGE_SLOTS)
-
-    def transmit_ahead(self, start_ns: int) -> Transmission:
-        """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""
-        self._ahead.append(start_ns)
-        return self.transmit(start_ns)
-
-    def transmit(self, now_ns: int) -> Transmission:
-        """Start the frame at the head of the queue now; every link parameter is read here, once."""
-        sequence, payload, _ = self._waiting.popleft()
-        settings = self.settings
-        airtime = settings.airtime_ns(len(payload))
-        end = self._free_at = now_ns + airtime
-        if isinstance(settings.medium, HalfDuplex):
-            self.transceiver.transmit(now_ns, end)
-        lost = False
-        bits = (len(payload) + settings.overhead) * settings.bits_per_byte
-        for stage in self._losses:
-            lost |= stage.lost(sequence, now_ns, bits)
-        due = max(end + self._latency(sequence, end), now_ns + SHORTEST_TRAVEL_NS)
-        verdict = CUT if settings.cut else LOST if lost else DELIVERED
-        return Transmission(sequence, payload, now_ns, airtime, due, verdict)
-
-
-def fate(verdict: str, *, deaf: bool) -> str:
-    """What became of a transmitted frame; of causes that overlap the first of cut, half-duplex, loss counts."""
-    return HALF_DUPLEX if deaf and verdict != CUT else verdict
+def fate(verdict: str, *, deaf: bool, collided: bool = False) -> str:
+    """What became of a transmitted frame; of causes that overlap the first counts, in their order above."""
+    if verdict == CUT:
+        return CUT
+    return HALF_DUPLEX if deaf else COLLISION if collided else verdict

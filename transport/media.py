@@ -1,12 +1,14 @@
-"""Media: who may talk when, and who hears nothing because it talks itself.
+"""Media: who may talk when, who hears nothing because it talks itself, and which frames destroy each other.
 
-On a half-duplex edge each end has one transceiver for the other. A transceiver that transmits cannot receive: a frame
-whose airtime overlaps a transmission of its receiver on that edge is lost.
+A half-duplex medium is that of an edge, whose ends have one transceiver each for the other, or that of a node, which
+has one radio for all its links: every neighbour hears all that it transmits, whomever it is for. A transceiver that
+transmits cannot receive: a frame whose airtime overlaps a transmission of its receiver is lost. Frames of two
+neighbours that overlap at a node destroy each other there.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,10 +26,43 @@ class Aloha:
 
 
 @dataclass(frozen=True)
+class SlottedAloha:
+    """Send at the beginning of the next slot; slots of one length, a whole number of them since time 0.
+
+    Roberts 1975: slotted ALOHA.
+    """
+
+    slot: Nanoseconds
+
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        if self.slot < 1:
+            raise BadInput(f"slot is {self.slot} ns, it must be above 0")
+
+    def usable_ns(self, slots: int) -> int:
+        """Longest airtime that fits into a slot."""
+        return self.slot
+
+    def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
+        """The first beginning of a slot from `ready_ns` on.
+
+        Raises:
+            BadInput: the frame is longer than a slot.
+        """
+        if airtime_ns > self.slot:
+            raise BadInput(
+                f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a slot of {self.slot / 1e6:.3f} ms: "
+                "send less, or make the slot longer"
+            )
+        return -(-ready_ns // self.slot) * self.slot
+
+
+@dataclass(frozen=True)
 class Tdma:
     """Slots: each cycle is divided evenly, and an end sends in its own slot only, if the frame fits before the guard.
 
-    Cycle k starts at floor(k·10⁹ / cycle); the end with the lower name has the first of an edge's two slots.
+    Cycle k starts at floor(k·10⁹ / cycle). An edge has two slots, the first for the end with the lower name; of radios,
+    two that can be heard at one place have different slots: a colouring of the graph at distance 2.
     """
 
     cycle: Hertz
@@ -65,7 +100,7 @@ class Tdma:
             cycle += 1
 
 
-Access = Aloha | Tdma
+Access = Aloha | SlottedAloha | Tdma
 
 
 @dataclass(frozen=True)
@@ -75,14 +110,21 @@ class FullDuplex:
 
 @dataclass(frozen=True)
 class HalfDuplex:
-    """One transceiver pair per edge, like the infrared side of a flying-array module."""
+    """One transceiver pair per edge, like the infrared side of a flying-array module, or one radio per node."""
 
-    per: Literal["edge"] = "edge"
+    per: Literal["edge", "node"] = "edge"
     access: Access = Aloha()
 
 
 Medium = FullDuplex | HalfDuplex
 EDGE_SLOTS = 2
+AIR = "*"
+"""Name of the outlet that all links of a node's radio share; no agent is called so."""
+
+
+def on_air(medium: Medium) -> bool:
+    """Whether a link goes over the radio of its source."""
+    return isinstance(medium, HalfDuplex) and medium.per == "node"
 
 
 class Transceiver:
@@ -103,3 +145,24 @@ class Transceiver:
         """Whether [start, end) overlaps a transmission of this transceiver."""
         last = bisect_right(self._begins, end_ns - 1) - 1
         return last >= 0 and self._ends[last] > start_ns
+
+
+class Ether:
+    """What a node's radio has heard on the air; answers whether a frame met a transmission of somebody else."""
+
+    __slots__ = ("_heard", "_longest")
+
+    def __init__(self) -> None:
+        self._heard: list[tuple[int, int, str]] = []
+        self._longest = 0
+
+    def hear(self, start_ns: int, end_ns: int, source: str) -> None:
+        """Note a transmission in [start, end)."""
+        insort(self._heard, (start_ns, end_ns, source))
+        self._longest = max(self._longest, end_ns - start_ns)
+
+    def collided(self, start_ns: int, end_ns: int, source: str) -> bool:
+        """Whether [start, end) overlaps a transmission of another source."""
+        first = bisect_left(self._heard, (start_ns - self._longest, 0, ""))
+        last = bisect_left(self._heard, (end_ns, 0, ""))
+        return any(end > start_ns and other != source for _, end, other in self._heard[first:last])

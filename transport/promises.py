@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from ..errors import RunFailed
 from .events import FOREVER_NS
 from .faults import LinkFault, LinkName, effective
-from .frames import Frame
+from .frames import Message
 from .links import SHORTEST_TRAVEL_NS, LinkSettings
 
 Segment = tuple[int, int, int]
@@ -49,7 +49,7 @@ class Horizon:
         self._promises = dict.fromkeys(segments, 0)
         self._received = dict.fromkeys(segments, 0)
 
-    def heard(self, source: str, frame: Frame) -> None:
+    def heard(self, source: str, frame: Message) -> None:
         """Take note of a frame or promise.
 
         Raises:
@@ -74,6 +74,10 @@ class Horizon:
             (earliest_due(promise, self._segments[source]) for source, promise in self._promises.items()),
             default=FOREVER_NS,
         )
+
+    def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
+        """Those of the sources that may still start something before an instant."""
+        return {source for source in sources if self._promises[source] < time_ns}
 
     def blocking(self) -> set[str]:
         """The neighbours that must be heard, every one of them, before `safe_ns` can grow."""

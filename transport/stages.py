@@ -34,6 +34,15 @@ class Surroundings:
     path: StreamOf
     distance_m: DistanceOf = _nowhere
 
+    def within(self, name: str) -> Surroundings:
+        """The same link with streams of its own, for another stage that uses the same models."""
+        return Surroundings(
+            lambda purpose: self.stream(f"{name}-{purpose}"),
+            lambda purpose: self.channel(f"{name}-{purpose}"),
+            lambda purpose: self.path(f"{name}-{purpose}"),
+            self.distance_m,
+        )
+
     @classmethod
     def of(
         cls, seed: int, source: str, target: str, incarnation: int = 0, distance_m: DistanceOf = _nowhere

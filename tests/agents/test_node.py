@@ -10,13 +10,14 @@ import pytest
 from volery.agents.agent import Agent, NoParameters, Received, Sample, Timer
 from volery.agents.context import BrokenPromise, NotANeighbour
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
-from volery.agents.node import FrameTooLarge, Node
+from volery.agents.node import Node
 from volery.agents.plan import AgentPlan, Plan
+from volery.agents.sending import FrameTooLarge
 from volery.errors import BadInput
 from volery.transport import fabric
 from volery.transport.events import Event
 from volery.transport.faults import Fault, Pause
-from volery.transport.frames import Frame
+from volery.transport.frames import Frame, Message
 from volery.transport.links import LinkSettings, Queue
 
 MS = 1_000_000
@@ -60,7 +61,7 @@ class Bench:
         )
         self.plan = Plan("bench", 3, 1000 * MS, agents, links, None, faults)
         self.heap: list[Event] = []
-        self.put: list[tuple[str, Frame]] = []
+        self.put: list[tuple[str, Message]] = []
         self.node = Node(self.plan, "1", self.heap, lambda target, frame: self.put.append((target, frame)))
         assert isinstance(self.node.agent, Listener)
         self.agent = self.node.agent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 from hypothesis import given
@@ -21,7 +21,6 @@ from volery.transport.links import (
     SHORTEST_TRAVEL_NS,
     LinkSettings,
     Queue,
-    Sender,
     fate,
 )
 from volery.transport.losses import Bernoulli, GilbertElliott
@@ -29,11 +28,6 @@ from volery.transport.media import HalfDuplex, Tdma
 
 MS = 1_000_000
 Policy = Literal["drop-tail", "drop-head", "latest"]
-
-
-def sender(settings: LinkSettings, source: str = "1", target: str = "2", incarnation: int = 0) -> Sender:
-    """The sending end of a link of seed 7."""
-    return Sender(7, source, target, incarnation, settings)
 
 
 @given(
@@ -87,10 +81,10 @@ def test_impossible_settings_are_refused(changes: dict[str, float], message: str
     ],
 )
 def test_a_full_queue_drops_by_its_policy(
-    policy: Policy, streams: str, dropped: list[list[int]], kept: list[int]
+    sending_end: Any, policy: Policy, streams: str, dropped: list[list[int]], kept: list[int]
 ) -> None:
     """Two frames fit: the newcomer goes, or the oldest, or the one of the same stream that is out of date."""
-    link = sender(LinkSettings(queue=Queue(2, policy)))
+    link = sending_end(LinkSettings(queue=Queue(2, policy)))
     assert [link.offer(0, name.encode(), name) for name in streams] == dropped
     assert link.waiting() == kept
     assert [link.transmit(0).sequence for _ in kept] == kept
@@ -102,9 +96,9 @@ def test_a_full_queue_drops_by_its_policy(
     limit=st.integers(1, 4),
     steps=st.lists(st.sampled_from(["offer", "other", "refuse", "transmit"]), max_size=40),
 )
-def test_every_sequence_number_has_one_story(policy: Policy, limit: int, steps: list[str]) -> None:
+def test_every_sequence_number_has_one_story(sending_end: Any, policy: Policy, limit: int, steps: list[str]) -> None:
     """Refused, dropped, sent or waiting: each number exactly once; and never do more wait than fit."""
-    link = sender(LinkSettings(queue=Queue(limit, policy)))
+    link = sending_end(LinkSettings(queue=Queue(limit, policy)))
     told = []
     for now, step in enumerate(steps):
         if step == "refuse":
@@ -117,9 +111,9 @@ def test_every_sequence_number_has_one_story(policy: Policy, limit: int, steps: 
     assert sorted([*told, *link.waiting()]) == list(range(link.sequence))
 
 
-def test_a_transmission_has_its_times() -> None:
+def test_a_transmission_has_its_times(sending_end: Any) -> None:
     """On the air from its start for its airtime, due a latency later; the next may start when it has left."""
-    link = sender(LinkSettings(rate=8000.0, latency=Constant(5 * MS)))
+    link = sending_end(LinkSettings(rate=8000.0, latency=Constant(5 * MS)))
     for payload in (b"four", b"again"):
         link.offer(0, payload)
     first = link.transmit(10 * MS)
@@ -129,18 +123,18 @@ def test_a_transmission_has_its_times() -> None:
     assert link.next_start(15 * MS) == 15 * MS
 
 
-def test_no_frame_is_due_when_it_starts() -> None:
+def test_no_frame_is_due_when_it_starts(sending_end: Any) -> None:
     """Without airtime and latency it still takes a nanosecond, so that what it causes comes later."""
-    link = sender(LinkSettings())
+    link = sending_end(LinkSettings())
     link.offer(0, b"x")
     assert link.transmit(5).due_ns == 5 + SHORTEST_TRAVEL_NS == 6
 
 
 @given(now=st.integers(0, 10**9), ready=st.integers(0, 10**9), payload=st.integers(0, 40))
-def test_no_frame_starts_before_the_earliest_next(now: int, ready: int, payload: int) -> None:
+def test_no_frame_starts_before_the_earliest_next(sending_end: Any, now: int, ready: int, payload: int) -> None:
     """Whatever is offered at `ready` or later starts no earlier than was said, also after a transmission."""
     medium = HalfDuplex(access=Tdma(100.0, 100_000))
-    link = sender(LinkSettings(medium=medium, rate=115_200.0))
+    link = sending_end(LinkSettings(medium=medium, rate=115_200.0))
     link.offer(0, b"x" * 20)
     start = link.next_start(now)
     assert start is not None
@@ -152,21 +146,21 @@ def test_no_frame_starts_before_the_earliest_next(now: int, ready: int, payload:
     assert later >= earliest >= max(ready, start)
 
 
-def test_slots_go_by_natural_order() -> None:
+def test_slots_go_by_natural_order(sending_end: Any) -> None:
     """The end with the lower name has the first slot, and "2" is lower than "10"."""
     settings = LinkSettings(medium=HalfDuplex(access=Tdma(100.0)))
     starts = {}
     for source, target in (("2", "10"), ("10", "2")):
-        link = sender(settings, source, target)
+        link = sending_end(settings, source, target)
         link.offer(0, b"x")
         starts[source] = link.next_start(0)
     assert starts == {"2": 0, "10": 5 * MS}
 
 
-def test_models_that_stay_keep_their_state() -> None:
+def test_models_that_stay_keep_their_state(sending_end: Any) -> None:
     """Changing the rate leaves loss and latency as they would have been; a cut draws all the same."""
     model = LinkSettings(loss=(GilbertElliott(0.2, 0.3),), latency=Uniform(0, 9 * MS))
-    touched, untouched = sender(model), sender(model)
+    touched, untouched = sending_end(model), sending_end(model)
     stories = []
     for now in range(200):
         if now % 10 == 0:
@@ -181,19 +175,19 @@ def test_models_that_stay_keep_their_state() -> None:
         assert one.due_ns - one.airtime_ns == max(other.due_ns, one.start_ns + 1 - one.airtime_ns)
 
 
-def test_another_model_begins_anew() -> None:
+def test_another_model_begins_anew(sending_end: Any) -> None:
     """A model that a fault brings decides from then on, with the draws of the frames' own numbers."""
-    link = sender(LinkSettings())
+    link = sending_end(LinkSettings())
     link.change(LinkSettings(loss=(Bernoulli(1.0),)))
     link.offer(0, b"x")
     assert link.transmit(0).verdict == LOST
 
 
-def test_a_restarted_agent_draws_from_its_own_streams() -> None:
+def test_a_restarted_agent_draws_from_its_own_streams(sending_end: Any) -> None:
     """Another incarnation has other losses."""
     verdicts = []
     for incarnation in (0, 1):
-        link = sender(LinkSettings(loss=(Bernoulli(0.5),)), incarnation=incarnation)
+        link = sending_end(LinkSettings(loss=(Bernoulli(0.5),)), incarnation=incarnation)
         for _ in range(60):
             link.offer(0, b"x")
         verdicts.append([link.transmit(now).verdict for now in range(60)])
@@ -214,3 +208,17 @@ def test_a_restarted_agent_draws_from_its_own_streams() -> None:
 def test_the_first_cause_counts(verdict: str, deaf: bool, expected: str) -> None:
     """Cut before half-duplex before loss."""
     assert fate(verdict, deaf=deaf) == expected
+
+
+def test_a_frame_sent_ahead_takes_up_room_until_its_start(sending_end: Any) -> None:
+    """With room for one frame, a second one is refused before the first has started, and taken from then on."""
+    settings = LinkSettings(rate=8000.0, queue=Queue(limit=1))
+    link = sending_end(settings)
+    assert link.offer(0, b"x") == []
+    link.transmit(0)
+    assert link.offer(0, b"y") == []
+    start = link.next_start(0)
+    assert start == MS
+    link.transmit(start, ahead=True)
+    assert link.offer(start - 1, b"z") == [2]
+    assert link.offer(start, b"z") == []

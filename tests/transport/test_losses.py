@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from volery.errors import BadInput
-from volery.transport.links import LOST, LinkSettings, Sender
+from volery.transport.links import LOST, LinkSettings
 from volery.transport.losses import Bernoulli, GilbertElliott, Loss
 from volery.transport.stages import Surroundings
 
@@ -84,13 +84,12 @@ def test_gilbert_elliott_starts_in_its_stationary_law() -> None:
 
 
 @given(st.integers(0, 50), st.integers(1, 50))
-def test_a_list_of_models_is_their_sum(first: int, frames: int) -> None:
-    """A frame is lost if any of the models loses it."""
-    models = (Bernoulli(0.3), GilbertElliott(0.2, 0.4, 0.8))
-    both = partial(Sender, first, "1", "2", 0)
+def test_a_list_of_models_is_their_sum(sending_end: Any, first: int, frames: int) -> None:
+    """A frame is lost if any of the models loses it; each draws from streams of its own."""
+    never, some, bursts = Bernoulli(0.0), Bernoulli(0.3), GilbertElliott(0.2, 0.4, 0.8)
     verdicts = []
-    for settings in (LinkSettings(loss=models), *(LinkSettings(loss=(model,)) for model in models)):
-        sender = both(settings)
+    for models in ((some, bursts), (some,), (never, bursts)):
+        sender = sending_end(LinkSettings(loss=models), seed=first)
         for _ in range(frames):
             sender.offer(0, b"x")
         verdicts.append([sender.transmit(index).verdict == LOST for index in range(frames)])

@@ -13,7 +13,6 @@ from volery.agents.plan import Plan
 from volery.experiments.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.transport.events import HANDLER, NODE, TIME
-from volery.transport.links import LinkSettings, Queue, Sender
 
 from .test_lockstep import assert_equal
 
@@ -48,17 +47,3 @@ def test_transmitting_ahead_changes_nothing(
     """Estimates and frame stories are those of a run that transmits each frame at its start."""
     plan = drawn_plan(request.getfixturevalue(who), seed)
     assert_equal(ahead_run(plan, seed), twin_run(plan))
-
-
-def test_a_frame_sent_ahead_takes_up_room_until_its_start() -> None:
-    """With room for one frame, a second one is refused before the first has started, and taken from then on."""
-    settings = LinkSettings(rate=8000.0, queue=Queue(limit=1))
-    link = Sender(1, "1", "2", 0, settings)
-    assert link.offer(0, b"x") == []
-    link.transmit(0)
-    assert link.offer(0, b"y") == []
-    start = link.next_start(0)
-    assert start == MS
-    link.transmit_ahead(start)
-    assert link.offer(start - 1, b"z") == [2]
-    assert link.offer(start, b"z") == []

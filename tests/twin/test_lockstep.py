@@ -22,9 +22,9 @@ from volery.agents.plan import Plan
 from volery.experiments.accounting import account
 from volery.experiments.record import Collector, Record
 from volery.transport.faults import Fault, LinkFault, Pause
-from volery.transport.frames import PROMISE_ONLY, Frame, decode, encode
+from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
 from volery.transport.latencies import Constant
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex
+from volery.transport.media import AIR, Aloha, FullDuplex, HalfDuplex
 
 if TYPE_CHECKING:
     from asyncio import AbstractEventLoop
@@ -52,15 +52,17 @@ class Network:
             self.pacers[agent.name] = pacer
             self.nodes[agent.name] = Node(plan, agent.name, [], pacer.put)
 
-    def _write(self, source: str) -> Callable[[str, Frame], None]:
-        def write(target: str, frame: Frame) -> None:
-            link = (source, target)
-            if frame.sequence != PROMISE_ONLY:
-                assert frame.start_ns >= self._promised[link], f"{link}: a frame starts before the promise"
-            assert frame.promise_ns is not None
-            assert frame.promise_ns >= self._promised[link], f"{link}: a promise was taken back"
-            self._promised[link] = frame.promise_ns
-            self._wire[link].append(encode(frame))
+    def _write(self, source: str) -> Callable[[str, Message], None]:
+        def write(outlet: str, frame: Message) -> None:
+            near = self._plan.agent(source).neighbours
+            for target in near if outlet == AIR else (outlet,):
+                link = (source, target)
+                if frame.sequence != PROMISE_ONLY:
+                    assert frame.start_ns >= self._promised[link], f"{link}: a frame starts before the promise"
+                assert frame.promise_ns is not None
+                assert frame.promise_ns >= self._promised[link], f"{link}: a promise was taken back"
+                self._promised[link] = frame.promise_ns
+                self._wire[link].append(encode(frame))
 
         return write
 

@@ -1,0 +1,110 @@
+"""The hearing side of a node: frames that come in, what became of them, and those that a link holds back."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from ..transport.events import DATA, FRAME, SOURCE, TIME, Event
+from ..transport.frames import AirFrame, Frame, Message
+from ..transport.links import DELIVERED, fate
+from ..transport.media import AIR, Ether
+from .journal import Heard, Late
+
+if TYPE_CHECKING:
+    from .node import Node
+
+_INCARNATION_SHIFT = 48
+_SETTLED_KEPT = 256
+
+
+class Hearing:
+    """What reaches one node from its neighbours."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._ether = Ether()
+        self._settled: deque[tuple[int, int, str, Frame]] = deque(maxlen=_SETTLED_KEPT)
+        self._settled_end_ns = 0
+        self._held: dict[str, list[Event]] = {}
+
+    def receive(self, source: str, message: Message) -> None:
+        """Take in a message as soon as the network has it; a frame is handled when it is due, or at once if it is late.
+
+        A frame that started before this incarnation came to life is none of its business.
+        """
+        if isinstance(message, Frame):
+            self._take(source, message)
+            return
+        if self._node.name not in message.shaded:
+            self._overhear(source, message)
+        for frame in message.for_target(self._node.name):
+            self._take(source, frame)
+
+    def _take(self, source: str, frame: Frame) -> None:
+        node = self._node
+        if frame.start_ns < node.start_ns:
+            return
+        sequence = (frame.incarnation << _INCARNATION_SHIFT) + frame.sequence
+        event = (frame.due_ns, FRAME, source, sequence, frame.copy, node.index, self._on_arrival, frame)
+        if node.has_passed(event):
+            self._late(source, frame, node.now_ns - frame.due_ns)
+            self._on_arrival(event)
+        else:
+            node.push(event)
+
+    def _late(self, source: str, frame: Frame, behind_ns: int) -> None:
+        late = Late(source, frame.incarnation, frame.sequence, frame.due_ns, behind_ns, frame.copy)
+        self._node.journal.late.append(late)
+
+    def _overhear(self, source: str, air: AirFrame) -> None:
+        """Note the interval; where it would have destroyed a frame whose fate is settled, it is late."""
+        end = air.start_ns + air.airtime_ns
+        self._ether.hear(air.start_ns, end, source)
+        if air.start_ns >= self._settled_end_ns:
+            return
+        for begun, ended, other, frame in self._settled:
+            if other != source and begun < end and air.start_ns < ended:
+                self._late(other, frame, self._node.now_ns - air.start_ns)
+
+    def _on_arrival(self, event: Event) -> None:
+        node = self._node
+        frame: Frame = event[DATA]
+        source = event[SOURCE]
+        if node.dead and frame.due_ns >= node.now_ns:
+            return
+        if source in self._held:
+            self._held[source].append(event)
+            return
+        start, end = frame.start_ns, frame.start_ns + frame.airtime_ns
+        outlet = node.sending.outlet_of[source]
+        collided = outlet == AIR and self._ether.collided(start, end, source)
+        deaf = node.sending.outlets[outlet].transceiver.deaf(start, end)
+        became = fate(frame.verdict, deaf=deaf, collided=collided)
+        node.journal.heard.append(Heard(source, frame.incarnation, frame.sequence, frame.due_ns, became, frame.copy))
+        if outlet == AIR:
+            self._settled.append((start, end, source, frame))
+            self._settled_end_ns = max(self._settled_end_ns, end)
+        if became == DELIVERED:
+            node.admit(event, node.deliver)
+
+    # -- hold and release ---------------------------------------------------------------------------------------
+
+    def hold(self, source: str) -> None:
+        """Frames from a neighbour that are due from now on wait."""
+        self._held.setdefault(source, [])
+
+    def release(self, source: str) -> None:
+        """Frames that waited arrive now, in their order."""
+        for event in self._held.pop(source, ()):
+            self._on_arrival((max(event[TIME], self._node.now_ns), *event[1:]))
+
+    def finish(self) -> None:
+        """Write down which frames are still held back."""
+        for source, events in self._held.items():
+            lives: dict[int, list[tuple[int, int]]] = {}
+            for event in events:
+                lives.setdefault(event[DATA].incarnation, []).append((event[DATA].sequence, event[DATA].copy))
+            for incarnation, sequences in lives.items():
+                entry = {"event": "held", "source": source, "incarnation": incarnation, "sequences": sequences}
+                self._node.journal.events.append(entry)

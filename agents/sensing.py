@@ -1,0 +1,73 @@
+"""What a sensor says, with the sensor faults in force: a pure function of the world, the faults and the index."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from ..randomness import stream
+from ..transport.faults import Fault, SensorFault
+from ..units import first_period, period_ns
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+
+def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
+    """The sensor's index-th sample, None where it sees nothing.
+
+    Faults in force when the sample is taken change it one after another, in the order in which they began: failed gives
+    nothing, stuck the last sample before its start, bias z + b, noise z + b·n with n ~ N(0, I), spikes z ± b with the
+    fault's probability.
+
+    Raises:
+        BadInput: a fault's size has another number of components than the sensor.
+    """
+    assert plan.world is not None
+    rate = plan.world.sensors(agent)[sensor]
+    time_ns = period_ns(rate, index)
+    mine = sorted(
+        (
+            fault
+            for fault in faults
+            if isinstance(fault, SensorFault)
+            and (fault.agent, fault.sensor) == (agent, sensor)
+            and fault.in_force(time_ns)
+        ),
+        key=lambda fault: (fault.at_ns, fault.id),
+    )
+    for fault in mine:
+        if fault.trouble == "failed":
+            return None
+        if fault.trouble == "stuck":
+            index = first_period(rate, fault.at_ns) - 1
+            if index < 0:
+                return None
+    value = plan.world.measure(agent, sensor, index)
+    if value is not None:
+        for fault in mine:
+            value = _disturbed(plan.seed, fault, value, index)
+    return value
+
+
+def _disturbed(seed: int, fault: SensorFault, value: NDArray[np.float64], index: int) -> NDArray[np.float64]:
+    if fault.trouble not in ("bias", "noise", "spikes"):
+        return value
+    size: NDArray[np.float64] = np.asarray(fault.size, dtype=np.float64)
+    if len(size) not in (1, value.size):
+        raise BadInput(
+            f"fault {fault.id}: size has {len(size)} components, sensor {fault.agent}.{fault.sensor} {value.size}"
+        )
+    if fault.trouble == "bias":
+        return value + size
+    draws = stream(seed, f"sensor-{fault.trouble}", fault.id, fault.agent, fault.sensor)
+    if fault.trouble == "noise":
+        normal = [draws.normal(index * value.size + component) for component in range(value.size)]
+        value = value + size * np.array(normal).reshape(value.shape)
+        return value
+    sign = 1.0 if draws.uniform(2 * index) < 0.5 else -1.0
+    return value + sign * size if draws.uniform(2 * index + 1) < fault.probability else value

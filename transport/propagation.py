@@ -1,0 +1,100 @@
+"""What happens to a transmission of one directed link on its way: loss → corruption → duplication → latency.
+
+The sender decides all of it when the transmission starts, and writes the verdict into the frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .latencies import Latency, LatencyStage
+from .links import CORRUPT, CUT, DELIVERED, LOST, SHORTEST_TRAVEL_NS, LinkSettings
+from .losses import Loss, LossStage
+from .stages import Surroundings
+
+
+class Copy(NamedTuple):
+    """One arrival of a frame at its target: `copy` is 0, or 1 for a duplicate."""
+
+    target: str
+    sequence: int
+    copy: int
+    due_ns: int
+    verdict: str
+
+
+class Propagation:
+    """The way to one target: a state machine without a clock. It also counts the link's frames."""
+
+    __slots__ = (
+        "_around",
+        "_copied",
+        "_corruptions",
+        "_duplicates",
+        "_last_due",
+        "_latencies",
+        "_losses",
+        "next_sequence",
+        "settings",
+        "target",
+    )
+
+    def __init__(self, target: str, around: Surroundings, settings: LinkSettings) -> None:
+        self.target = target
+        self.settings = settings
+        self.next_sequence = 0
+        self._around = around
+        self._losses = self._stages("", settings.loss)
+        self._corruptions = self._stages("corruption", settings.corruption)
+        self._duplicates = around.stream("duplication")
+        self._latencies = self._pipes(settings.latency)
+        self._last_due = 0
+
+    def _stages(self, what: str, models: tuple[Loss, ...]) -> list[LossStage]:
+        """The stages of a sum of models, each with streams of its own."""
+        names = [f"{what}{number or ''}" for number in range(len(models))]
+        return [
+            model.stage(self._around.within(name) if name else self._around)
+            for name, model in zip(names, models, strict=True)
+        ]
+
+    def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
+        """Of the frames, and of their duplicates."""
+        return model.stage(self._around), model.stage(self._around.within("duplicate"))
+
+    def change(self, settings: LinkSettings) -> None:
+        """Take new settings; models that stay keep their state."""
+        before, self.settings = self.settings, settings
+        if settings.loss != before.loss:
+            self._losses = self._stages("", settings.loss)
+        if settings.corruption != before.corruption:
+            self._corruptions = self._stages("corruption", settings.corruption)
+        if settings.latency != before.latency:
+            self._latencies = self._pipes(settings.latency)
+
+    def count(self) -> int:
+        """The sequence number of the next frame."""
+        self.next_sequence += 1
+        return self.next_sequence - 1
+
+    def send(self, sequence: int, start_ns: int, end_ns: int, bits: int) -> list[Copy]:
+        """The arrivals of a frame with its airtime in [start, end); the settings are read here, once."""
+        settings = self.settings
+        lost = corrupt = False
+        for stage in self._losses:
+            lost |= stage.lost(sequence, start_ns, bits)
+        for stage in self._corruptions:
+            corrupt |= stage.lost(sequence, start_ns, bits)
+        cut = settings.cut or not settings.present
+        verdict = CUT if cut else LOST if lost else CORRUPT if corrupt else DELIVERED
+        copies = [Copy(self.target, sequence, 0, self._due(0, sequence, start_ns, end_ns), verdict)]
+        if settings.duplication and self._duplicates.uniform(sequence) < settings.duplication and verdict == DELIVERED:
+            copies.append(Copy(self.target, sequence, 1, self._due(1, sequence, start_ns, end_ns), verdict))
+        return copies
+
+    def _due(self, copy: int, sequence: int, start_ns: int, end_ns: int) -> int:
+        due = max(end_ns + self._latencies[copy](sequence, end_ns), start_ns + SHORTEST_TRAVEL_NS)
+        if not self.settings.reordering:
+            due = max(due, self._last_due)
+        self._last_due = max(due, self._last_due)
+        return due

@@ -1,0 +1,160 @@
+"""The sending end of a link, or of all links of a node's radio: queue → token bucket → medium access → airtime."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+from .clock import Clock
+from .links import LinkSettings, duration_ns
+from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Transceiver
+from .propagation import Copy, Propagation
+
+Numbered = tuple[tuple[str, int], ...]
+"""(target, sequence number on the link to it), for each that a frame is for."""
+
+
+class Waiting(NamedTuple):
+    """A frame in the queue."""
+
+    targets: Numbered
+    payload: bytes
+    stream: str
+
+
+class Transmission(NamedTuple):
+    """A frame that has started: its interval on the air, and its arrivals."""
+
+    payload: bytes
+    start_ns: int
+    airtime_ns: int
+    copies: list[Copy]
+
+
+class Transmitter:
+    """A state machine without a clock.
+
+    Args:
+        ways: where its frames go. They agree in all settings that are read here: medium, rate, overhead, bits per byte,
+            queue and bucket.
+        slot: which of the slots of its medium is its own.
+        slots: how many there are.
+    """
+
+    __slots__ = (
+        "_ahead",
+        "_by_target",
+        "_free_at",
+        "_slot",
+        "_slots",
+        "_theoretical",
+        "_waiting",
+        "clock",
+        "transceiver",
+        "ways",
+    )
+
+    def __init__(self, ways: Sequence[Propagation], slot: int = 0, slots: int = EDGE_SLOTS) -> None:
+        self.ways = tuple(ways)
+        self.clock = Clock()
+        self.transceiver = Transceiver()
+        self._by_target = {way.target: way for way in ways}
+        self._slot, self._slots = slot, slots
+        self._free_at = 0
+        self._theoretical = 0
+        self._waiting: deque[Waiting] = deque()
+        self._ahead: deque[int] = deque()
+
+    @property
+    def settings(self) -> LinkSettings:
+        """Those of its links, in what they agree."""
+        return self.ways[0].settings
+
+    def way(self, target: str) -> Propagation:
+        """The way to one target."""
+        return self._by_target[target]
+
+    def offer(self, now_ns: int, targets: Collection[str], payload: bytes, stream: str = "") -> Numbered:
+        """Put a frame into the queue; what its policy throws out, in order.
+
+        A frame that was transmitted ahead of its start takes up room until then. The caller has checked the size
+        against the MTU.
+        """
+        while self._ahead and self._ahead[0] <= now_ns:
+            self._ahead.popleft()
+        newcomer = Waiting(self.count(targets), payload, stream)
+        queue = self.settings.queue
+        if queue.policy == "latest":
+            for place, waiting in enumerate(self._waiting):
+                if waiting.stream == stream and {name for name, _ in waiting.targets} == set(targets):
+                    self._waiting[place] = newcomer
+                    return waiting.targets
+        if len(self._waiting) + len(self._ahead) < queue.limit:
+            self._waiting.append(newcomer)
+            return ()
+        if queue.policy == "drop-head":
+            self._waiting.append(newcomer)
+            return self._waiting.popleft().targets
+        return newcomer.targets
+
+    def count(self, targets: Collection[str]) -> Numbered:
+        """Count a frame, offered or too large to be; its sequence numbers."""
+        return tuple((target, self._by_target[target].count()) for target in targets)
+
+    def waiting(self) -> list[tuple[str, int]]:
+        """Targets and sequence numbers of the frames in the queue."""
+        return [numbered for frame in self._waiting for numbered in frame.targets]
+
+    def next_start(self, now_ns: int) -> int | None:
+        """When the frame at the head of the queue may start, as things stand; None with an empty queue."""
+        return self._start(now_ns, len(self._waiting[0].payload)) if self._waiting else None
+
+    def earliest_next(self, ready_ns: int) -> int:
+        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
+        return self._start(ready_ns, 0)
+
+    def _start(self, ready_ns: int, payload_bytes: int) -> int:
+        settings = self.settings
+        ready = max(ready_ns, self._free_at)
+        if settings.bucket is not None:
+            bits = settings.bits(payload_bytes)
+            ready = max(ready, self._theoretical + duration_ns(bits, settings.bucket.rate) - self._burst_ns(settings))
+        medium = settings.medium
+        if isinstance(medium, FullDuplex):
+            return ready
+        reading = self.clock.reading(ready)
+        start = medium.access.earliest_start(reading, settings.airtime_ns(payload_bytes), self._slot, self._slots)
+        return self.clock.when(start, ready)
+
+    @staticmethod
+    def _burst_ns(settings: LinkSettings) -> int:
+        assert settings.bucket is not None
+        return duration_ns(settings.bucket.burst * settings.bits_per_byte, settings.bucket.rate)
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing that is offered later can take the place of a frame that waits."""
+        return self.settings.queue.policy == "drop-tail"
+
+    def transmit_ahead(self, start_ns: int) -> Transmission:
+        """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""
+        self._ahead.append(start_ns)
+        return self.transmit(start_ns)
+
+    def transmit(self, now_ns: int) -> Transmission:
+        """Start the frame at the head of the queue now; every link parameter is read here, once.
+
+        The token bucket is the virtual scheduling form of ITU-T I.371: a full bucket holds `burst`, and the theoretical
+        time of the next frame moves on by a frame's length at the bucket's rate.
+        """
+        targets, payload, _ = self._waiting.popleft()
+        settings = self.settings
+        bits, airtime = settings.bits(len(payload)), settings.airtime_ns(len(payload))
+        end = self._free_at = now_ns + airtime
+        if settings.bucket is not None:
+            self._theoretical = max(now_ns, self._theoretical) + duration_ns(bits, settings.bucket.rate)
+        if isinstance(settings.medium, HalfDuplex):
+            self.transceiver.transmit(now_ns, end)
+        copies = [copy for name, number in targets for copy in self._by_target[name].send(number, now_ns, end, bits)]
+        return Transmission(payload, now_ns, airtime, copies)
