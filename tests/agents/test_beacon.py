@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Literal
 
 import pytest
 
@@ -107,7 +108,7 @@ def test_payloads_have_the_size_that_is_asked_for(size: int) -> None:
 
 
 @pytest.mark.parametrize("pattern", ["periodic", "poisson"])
-def test_a_restarted_beacon_goes_on_from_then(pattern: str) -> None:
+def test_a_restarted_beacon_goes_on_from_then(pattern: Literal["periodic", "poisson"]) -> None:
     """It sends nothing for the time before its restart, and counts anew."""
     faults = [Kill("k", 3 * S, 6 * S, "2")]
     record = run(star(BeaconParameters(rate=50.0, pattern=pattern), faults=faults))

@@ -99,7 +99,7 @@ def test_every_built_in_scenario_compiles_and_reads_back(name: str, tmp_path: Pa
     plan = compile_plan(scenario)
     validation = validate_plan(plan)
     assert validation.puts_per_second is not None
-    assert plan.world is not None
+    assert (plan.world is None) == (scenario.world is None)
     assert f"name: {name}" in scenario_text(name)
     assert _read_back(resolved_yaml(scenario), tmp_path) == scenario
 
