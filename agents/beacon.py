@@ -22,6 +22,7 @@ class BeaconParameters:
 
     `rate` is that of the payloads to each neighbour, `size` their length. `pattern`: at even intervals, or with
     independent exponential intervals of mean 1/rate. `phase` of the even ones: drawn from the seed, or 0 for all.
+    `broadcast`: one transmission for all neighbours where they share a radio, instead of one to each.
     `talkers`: all agents, those with one neighbour, or the named ones; the others only listen. Every agent reports
     `report` times a second how many payloads it has received.
     """
@@ -30,6 +31,7 @@ class BeaconParameters:
     size: Bytes = 20
     pattern: Literal["periodic", "poisson"] = "periodic"
     phase: Literal["drawn", "aligned"] = "drawn"
+    broadcast: bool = False
     talkers: Literal["all", "leaves"] | tuple[str | int, ...] = "all"
     report: Hertz = 1.0
 
@@ -81,9 +83,11 @@ class Beacon(Agent):
             following = period_ns(self.parameters.report, timer.index + 1)
             self.context.set_timer(following, _REPORT, timer.index + 1)
             return
-        size: int = self.parameters.size
-        payload = timer.index.to_bytes(_COUNTER_BYTES, "big").rjust(size, b"\0")[-size:]
-        for other in self.context.neighbours:
+        parameters: BeaconParameters = self.parameters
+        payload = timer.index.to_bytes(_COUNTER_BYTES, "big").rjust(parameters.size, b"\0")[-parameters.size :]
+        if parameters.broadcast:
+            self.context.broadcast(payload, stream="beacon")
+        for other in () if parameters.broadcast else self.context.neighbours:
             self.context.send(other, payload, stream="beacon")
         self._wait(timer.time_ns + 1, timer.index + 1)
 

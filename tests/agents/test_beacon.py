@@ -22,6 +22,7 @@ from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
+from volery.transport.media import HalfDuplex
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -97,6 +98,18 @@ def test_every_agent_reports_how_many_it_has_received() -> None:
     assert series["1"].value[-1] == sum(frame.fate == "delivered" for frame in heard) < len(heard)
     assert all(frame.size == 7 for frame in record.batches["2", 0].sent)
     assert sum(link.delivered for link in account(record).values()) > series["1"].value[-1]
+
+
+def test_a_broadcast_is_one_transmission_for_all() -> None:
+    """Over the radio of the hub both leaves hear one frame; otherwise each has its own, one after the other."""
+    radio = LinkSettings(HalfDuplex("node"), rate=8e3, latency=Constant(5 * MS))
+    counts = {}
+    for broadcast in (True, False):
+        plan = star(BeaconParameters(size=25, phase="aligned", broadcast=broadcast, talkers=("1",)))
+        record = run(Plan("star", 1, 10 * S, plan.agents, dict.fromkeys(plan.links, radio)))
+        counts[broadcast] = len({frame.start_ns for frame in record.batches["1", 0].sent})
+        assert record.estimates("received")["2"].value[-1] == 90
+    assert counts == {True: 100, False: 200}
 
 
 @pytest.mark.parametrize("size", [1, 8, 1500])
