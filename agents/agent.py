@@ -149,6 +149,11 @@ class Agent:
         return None
 
     @classmethod
+    def broadcasts(cls, parameters: Any) -> bool:
+        """Whether such an agent hands what it sends to all neighbours at once."""
+        return False
+
+    @classmethod
     def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
         """The centralised estimate on the same data, to which estimates are compared; None where there is none."""
         return None

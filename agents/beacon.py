@@ -114,6 +114,12 @@ class Beacon(Agent):
         return rate if parameters.talkers == "all" else None
 
     @classmethod
+    def broadcasts(cls, parameters: Any) -> bool:
+        """As its parameter says."""
+        once: bool = parameters.broadcast
+        return once
+
+    @classmethod
     def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
         """A number of frames."""
         return (("received", "frames", 1.0),)

@@ -16,6 +16,7 @@ from ..transport.links import LinkSettings
 from .fitting import misfits
 from .reading import Problem
 from .schema import Scenario
+from .slots import radio_slots
 from .timeline import ALL, changed_links, expand, parse_links
 from .writing import quantity
 
@@ -45,7 +46,16 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
     links = _links(scenario, graph, problems)
     faults = _faults(scenario, list(links), problems)
     world = _world(scenario, graph, problems)
-    plan = Plan(scenario.name, scenario.seed, scenario.duration, _agents(scenario, graph), links, world, faults)
+    plan = Plan(
+        scenario.name,
+        scenario.seed,
+        scenario.duration,
+        _agents(scenario, graph),
+        links,
+        world,
+        faults,
+        slots=radio_slots(links),
+    )
     if not problems:
         problems = list(misfits(plan))
     return plan, problems

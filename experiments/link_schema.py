@@ -17,13 +17,13 @@ from ..errors import BadInput
 from ..transport.latencies import LATENCIES, Latency
 from ..transport.links import Bucket, LinkSettings, Queue
 from ..transport.losses import LOSSES, Loss
-from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, Tdma
+from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, SlottedAloha, Tdma
 from ..units import BitsPerSecond, Bytes
 from .explaining import did_you_mean, explain, schema_fields
 from .reading import describe
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
-ACCESSES: dict[str, Any] = {"aloha": Aloha, "tdma": Tdma}
+ACCESSES: dict[str, Any] = {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma}
 
 T = TypeVar("T")
 
@@ -91,7 +91,7 @@ class OneOf:
 
 class _HalfDuplexFields(TypedDict, total=False):
     __pydantic_config__ = STRICT  # type: ignore[misc]
-    per: Literal["edge"]
+    per: Literal["edge", "node"]
     access: Annotated[Access, Reader(OneOf("AccessModel", ACCESSES).read, str | dict[str, Any])]
 
 

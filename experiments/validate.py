@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,9 @@ from ..errors import BadInput
 from ..topologies import natural_key
 from ..transport.faults import LinkName
 from ..transport.links import LinkSettings
-from ..transport.media import EDGE_SLOTS, HalfDuplex, Tdma
+from ..transport.media import HalfDuplex, Tdma, on_air
+from .fitting import slots_of
+from .writing import ACCESS_NAMES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -24,7 +26,8 @@ _NAMED = 4
 class MediumUse:
     """What one medium carries, before faults.
 
-    `medium` is a direction `3>7`, or an edge `3-7` whose directions share the air; `frames_per_second` and
+    `medium` is a direction `3>7`, an edge `3-7` whose directions share the air, or the air at an agent, `air 3`, which
+    its own radio and those of its neighbours share; `frames_per_second` and
     `utilisation`, a fraction of what the medium can carry, are None where the agent's kind does not tell.
     """
 
@@ -82,16 +85,48 @@ def _rows(plan: Plan, payloads: dict[str, int | None], rates: dict[str, float | 
     for link, settings in plan.links.items():
         airtime, rate = use(link, settings)
         medium, name = settings.medium, ">".join(link)
+        if on_air(medium):
+            continue
         if not isinstance(medium, HalfDuplex):
             yield MediumUse(name, "full-duplex", airtime, rate, _times(rate, airtime / 1e9))
         elif isinstance(medium.access, Tdma):
-            fits = medium.access.usable_ns(EDGE_SLOTS) // airtime if airtime else None
-            share = 0.0 if fits is None else 1 / (fits * medium.access.cycle)
-            yield MediumUse(name, "tdma", airtime, rate, _times(rate, share))
+            yield MediumUse(name, "tdma", airtime, rate, _times(rate, _slot_share(plan, link, medium.access, airtime)))
         elif natural_key(link[0]) < natural_key(link[1]):
             back, back_rate = use(link[::-1], plan.links[link[::-1]])
             shares = [_times(rate, airtime / 1e9), _times(back_rate, back / 1e9)]
-            yield MediumUse("-".join(link), "aloha", max(airtime, back), _total([rate, back_rate]), _total(shares))
+            name = ACCESS_NAMES[type(medium.access)]
+            yield MediumUse("-".join(link), name, max(airtime, back), _total([rate, back_rate]), _total(shares))
+    yield from _air_rows(plan, use)
+
+
+def _slot_share(plan: Plan, link: LinkName, access: Tdma, airtime_ns: int) -> float:
+    """What one frame a second takes of the own slots."""
+    fits = access.usable_ns(slots_of(plan, link)) // airtime_ns if airtime_ns else None
+    return 0.0 if fits is None else 1 / (fits * access.cycle)
+
+
+def _air_rows(plan: Plan, use: Callable[[LinkName, LinkSettings], tuple[int, float | None]]) -> Iterator[MediumUse]:
+    """The air at each agent with a radio; with tdma the own slots are what can be used up."""
+    radios: dict[str, tuple[int, float | None]] = {}
+    near: dict[str, list[LinkName]] = {}
+    for link, settings in plan.links.items():
+        if on_air(settings.medium):
+            near.setdefault(link[0], []).append(link)
+    for source, links in near.items():
+        agent = plan.agent(source)
+        airtime, rate = use(links[0], plan.links[links[0]])
+        once = registry.find(agent.kind).broadcasts(agent.parameters)
+        radios[source] = airtime, _times(rate, 1 if once else len(links))
+    for source, links in near.items():
+        medium = plan.links[links[0]].medium
+        assert isinstance(medium, HalfDuplex)
+        airtime, rate = radios[source]
+        audible = [radios[name] for name in (source, *(target for _, target in links))]
+        if isinstance(medium.access, Tdma):
+            used = _times(rate, _slot_share(plan, links[0], medium.access, airtime))
+        else:
+            used = _total([_times(each, long / 1e9) for long, each in audible])
+        yield MediumUse(f"air {source}", ACCESS_NAMES[type(medium.access)], airtime, rate, used)
 
 
 def _times(rate: float | None, seconds: float) -> float | None:

@@ -9,14 +9,14 @@ from typing import Any, get_args, get_type_hints
 
 from ..transport.latencies import LATENCIES
 from ..transport.losses import LOSSES
-from ..transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from ..transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from ..units import Unit, parse
 
 _UNITS = {"ns": ("s", "ms", "us", "ns"), "bit/s": ("Mbit/s", "kbit/s", "bit/s"), "rad": ("deg", "rad")}
+ACCESS_NAMES: dict[type, str] = {Aloha: "aloha", SlottedAloha: "slotted-aloha", Tdma: "tdma"}
 _NAMES: dict[type, str] = {
     **{model: name for models in (LOSSES, LATENCIES) for name, model in models.items()},
-    Aloha: "aloha",
-    Tdma: "tdma",
+    **ACCESS_NAMES,
 }
 _KINDS: dict[type, str] = {FullDuplex: "full-duplex", HalfDuplex: "half-duplex"}
 

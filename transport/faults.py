@@ -10,7 +10,7 @@ from ..errors import BadInput
 from .latencies import LATENCIES
 from .links import NANOSECONDS, Bucket, LinkSettings, Queue
 from .losses import LOSSES
-from .media import Aloha, FullDuplex, HalfDuplex, Tdma
+from .media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 
 LinkName = tuple[str, str]
 
@@ -128,7 +128,21 @@ _TYPE = "is"
 _KINDS: dict[str, Any] = {
     kind.__name__: kind
     for kinds in (
-        (LinkFault, Kill, Pause, Hog, ClockFault, SensorFault, Queue, Bucket, FullDuplex, HalfDuplex, Aloha, Tdma),
+        (
+            LinkFault,
+            Kill,
+            Pause,
+            Hog,
+            ClockFault,
+            SensorFault,
+            Queue,
+            Bucket,
+            FullDuplex,
+            HalfDuplex,
+            Aloha,
+            SlottedAloha,
+            Tdma,
+        ),
         LOSSES.values(),
         LATENCIES.values(),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from zlib import crc32
 
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import AgentPlan, Plan, World
 from volery.experiments.record import Collector, Record
+from volery.experiments.slots import radio_slots
 from volery.experiments.twin import Twin
-from volery.transport.faults import Fault, Kill, LinkFault, Pause
+from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Normal, Uniform
 from volery.transport.links import LinkSettings, Queue
 from volery.transport.losses import Bernoulli, GilbertElliott
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from volery.transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from volery.units import period_ns
 
 MS = 1_000_000
@@ -32,10 +33,11 @@ _LONGEST = 40
 
 @dataclass(frozen=True)
 class TalkerParameters:
-    """How often an agent talks, in Hz, and how late in its period, in nanoseconds."""
+    """How often an agent talks, in Hz, how late in its period, in nanoseconds, and whether to all at once."""
 
     rate: float = 40.0
     phase_ns: int = 0
+    broadcast: bool = False
 
 
 class Talker(Agent):
@@ -76,7 +78,9 @@ class Talker(Agent):
         """Report, and tell everybody."""
         self.note(timer.index)
         self.context.report("sum", [float(self.sum)], timer.index)
-        for neighbour in self.context.neighbours:
+        if self.parameters.broadcast:
+            self.context.broadcast(self.sum.to_bytes(4, "little"), "all")
+        for neighbour in self.context.neighbours[: 1 if self.parameters.broadcast else None]:
             self.tell(neighbour)
         self._set(timer.index + 1)
 
@@ -221,6 +225,47 @@ def _faults(rng: np.random.Generator, edges: list[tuple[str, str]]) -> list[Faul
     return faults
 
 
+def _radio_links(rng: np.random.Generator, edges: list[tuple[str, str]]) -> dict[tuple[str, str], LinkSettings]:
+    """Links over one radio each: what a radio has is alike, loss and latency are each link's own."""
+    access = _one(rng, Aloha(), SlottedAloha(4 * MS), Tdma(40.0, int(rng.integers(0, 400_000))))
+    common = replace(_settings(rng, HalfDuplex("node", access)), rate=_one(rng, 250_000.5, 1e6))
+    return {
+        link: replace(common, loss=_loss(rng), latency=_latency(rng), duplication=_one(rng, 0.0, 0.3))
+        for edge in edges
+        for link in (edge, edge[::-1])
+    }
+
+
+def _radio_faults(rng: np.random.Generator, edges: list[tuple[str, str]]) -> list[Fault]:
+    """Changes of single links, clocks that are wrong, and pauses."""
+    faults: list[Fault] = []
+    for number in range(int(rng.integers(0, 6))):
+        at = int(rng.integers(0, DRAWN_MS)) * MS
+        until = None if rng.random() < 0.3 else at + int(rng.integers(1, 60)) * MS
+        edge = edges[rng.integers(len(edges))]
+        changes = _one(rng, {"latency": _latency(rng)}, {"loss": _loss(rng)}, {"cut": True}, {"hold": True}, None)
+        if changes is not None:
+            faults.append(LinkFault(f"t{number}", at, until, (edge, edge[::-1]), changes))
+        elif rng.random() < 0.5:
+            faults.append(Pause(f"t{number}", at, until or at + 20 * MS, edge[0]))
+        else:
+            offset, drift = int(rng.integers(-9, 10)) * MS, int(rng.integers(-(10**8), 10**8))
+            faults.append(ClockFault(f"t{number}", at, until, edge[0], offset, drift))
+    return faults
+
+
+def _draw_radio(kind: type[Agent], seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    edges = _edges(rng)
+    links = _radio_links(rng, edges)
+    names = sorted({name for edge in edges for name in edge})
+    phases = {name: int(rng.integers(0, 20)) * MS // 2 for name in names}
+    parameters = {name: TalkerParameters(_one(rng, 20.0, 30.0, 50.0), phase, True) for name, phase in phases.items()}
+    faults, world = _radio_faults(rng, edges), _one(rng, None, Probe())
+    plan = _plan(edges, kind, links, faults, DRAWN_MS, parameters=parameters, seed=seed, world=world)
+    return replace(plan, slots=radio_slots(plan.links))
+
+
 def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
     rng = np.random.default_rng(seed)
     edges = _edges(rng)
@@ -243,6 +288,12 @@ def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
 def drawn_plan() -> Callable[..., Plan]:
     """Draw a plan of a kind: graph, media, rates, latencies, losses, queues, phases, faults; with kills on request."""
     return _draw
+
+
+@pytest.fixture
+def radio_plan() -> Callable[..., Plan]:
+    """Draw a plan of a kind whose agents have one radio each, with wrong clocks and links that hold frames back."""
+    return _draw_radio
 
 
 @pytest.fixture(name="plan_of")

@@ -156,6 +156,18 @@ def test_lockstep_equals_the_twin(
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("who", ["talker", "answerer"])
+def test_radios_in_lockstep_equal_the_twin(
+    who: str, seed: int, radio_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+) -> None:
+    """Nobody decides on a frame from the air before everybody who could destroy it has been heard."""
+    plan = radio_plan(request.getfixturevalue(who), seed)
+    network = Network(plan, seed)
+    network.start()
+    assert_equal(network.finish(), twin_run(plan))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_live_faults_equal_the_twin(
     who: str, seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
 ) -> None:
