@@ -108,8 +108,13 @@ def open_client(endpoint: str, who: Credentials, timeout_s: float = _CONNECT_TIM
 
 
 def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A publisher that coalesces and never blocks the loop."""
-    return session.declare_publisher(key, express=False, congestion_control=zenoh.CongestionControl.DROP)
+    """A publisher that coalesces, never blocks the loop, and is not heard by its own session."""
+    return session.declare_publisher(
+        key,
+        express=False,
+        congestion_control=zenoh.CongestionControl.DROP,
+        allowed_destination=zenoh.Locality.REMOTE,
+    )
 
 
 def asked(query: Query) -> bytes:
