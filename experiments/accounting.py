@@ -1,6 +1,7 @@
 """What became of the frames of each link, summed up; the sum closes exactly or the record is not whole.
 
-offered = refused + queued-out + lost (by cause) + delivered + unknown (an end died unasked) + in flight at the end
+offered + duplicated = refused + queued-out + lost (by cause) + delivered + unknown (an end died unasked)
+                     + in flight at the end
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ class LinkAccount:
     """
 
     offered: int
+    duplicated: int
     refused: int
     queue: int
     lost: Mapping[str, int]
@@ -60,7 +62,7 @@ class LinkAccount:
     def closes(self) -> bool:
         """Whether every offered frame has exactly one fate and nothing is missing or contradicted."""
         known = self.refused + self.queue + self.transmitted + self.unknown + self.in_flight
-        return self.offered == known and not self.missing and not self.contradicted
+        return self.offered + self.duplicated == known and not self.missing and not self.contradicted
 
 
 def account(record: Record) -> dict[LinkName, LinkAccount]:
@@ -71,11 +73,12 @@ def account(record: Record) -> dict[LinkName, LinkAccount]:
 def link_account(frames: Sequence[Story], elapsed_ns: int) -> LinkAccount:
     """The account of one link over a run of this length."""
     fates = Counter(frame.fate for frame in frames)
-    sent = [frame for frame in frames if frame.start_ns is not None]
-    delivered = [frame for frame in sent if frame.fate == DELIVERED]
+    sent = [frame for frame in frames if frame.start_ns is not None and not frame.copy]
+    delivered = [frame for frame in frames if frame.fate == DELIVERED]
     airtime = sum(frame.airtime_ns or 0 for frame in sent)
     return LinkAccount(
-        offered=len(frames),
+        offered=sum(not frame.copy for frame in frames),
+        duplicated=sum(frame.copy for frame in frames),
         refused=fates[REFUSED],
         queue=fates[QUEUE],
         lost={fate: count for fate, count in sorted(fates.items()) if fate not in _NOT_LOST},
@@ -104,7 +107,18 @@ def _quantiles(delivered: Sequence[Story]) -> tuple[float, float, float]:
 def total(accounts: Iterable[LinkAccount]) -> dict[str, int]:
     """Counts over all links by fate, the losses by cause, in the order of the sum."""
     links = list(accounts)
-    names = ("offered", "refused", "queue", "delivered", "unknown", "in_flight", "missing", "contradicted", "late")
+    names = (
+        "offered",
+        "duplicated",
+        "refused",
+        "queue",
+        "delivered",
+        "unknown",
+        "in_flight",
+        "missing",
+        "contradicted",
+        "late",
+    )
     sums = {name: sum(getattr(one, name) for one in links) for name in names}
     lost: Counter[str] = Counter()
     for one in links:

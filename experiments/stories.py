@@ -1,7 +1,8 @@
 """The whole story of every frame: what its sender and its receiver wrote down, put together into one fate.
 
-A frame is known by link, incarnation of its sender and sequence number. Every number below an incarnation's next one
-has exactly one story; where nobody wrote one, and no reason for that is known, the frame is missing.
+A frame is known by link, incarnation of its sender, sequence number and copy, which is 1 for a duplicate. Every number
+below an incarnation's next one has exactly one story; where nobody wrote one, and no reason for that is known, the
+frame is missing. A duplicate has a story of its own if its sender or its receiver tells of it.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class Story(NamedTuple):
     target: str
     incarnation: int
     sequence: int
+    copy: int
     size: int | None
     start_ns: int | None
     airtime_ns: int | None
@@ -44,35 +46,40 @@ class Story(NamedTuple):
     contradicted: bool
 
 
+Number = tuple[int, int]
+"""Sequence number and copy."""
+
+
 @dataclass
 class _Told:
     """Accounts of the frames of one link and incarnation, by sequence number."""
 
-    sent: dict[int, Sent] = field(default_factory=dict)
-    dropped: dict[int, Dropped] = field(default_factory=dict)
-    queued: set[int] = field(default_factory=set)
-    heard: dict[int, Heard] = field(default_factory=dict)
-    late: dict[int, Late] = field(default_factory=dict)
-    twice: set[int] = field(default_factory=set)
+    sent: dict[Number, Sent] = field(default_factory=dict)
+    dropped: dict[Number, Dropped] = field(default_factory=dict)
+    queued: set[Number] = field(default_factory=set)
+    heard: dict[Number, Heard] = field(default_factory=dict)
+    held: set[Number] = field(default_factory=set)
+    late: dict[Number, Late] = field(default_factory=dict)
+    twice: set[Number] = field(default_factory=set)
 
     @cached_property
     def last_heard(self) -> int:
         """The last sequence number that the receiver wrote down, −1 for none."""
-        return max(self.heard, default=-1)
+        return max((sequence for sequence, _ in (*self.heard, *self.held)), default=-1)
 
     @cached_property
     def last_told(self) -> int:
         """The last sequence number that the sender wrote down, −1 for none."""
-        return max((*self.sent, *self.dropped, *self.queued), default=-1)
+        return max((sequence for sequence, _ in (*self.sent, *self.dropped, *self.queued)), default=-1)
 
-    @property
-    def offered(self) -> int:
-        """The next sequence number."""
-        return 1 + max(self.last_heard, self.last_told)
+    def numbers(self) -> list[Number]:
+        """Every frame that must have a story: all sequence numbers so far, and the duplicates that are told of."""
+        copies = {number for number in (*self.sent, *self.heard, *self.held) if number[1]}
+        return sorted({*((sequence, 0) for sequence in range(1 + max(self.last_heard, self.last_told))), *copies})
 
-    def accounts(self, sequence: int) -> int:
+    def accounts(self, number: Number) -> int:
         """How many accounts the sender gave of a frame: exactly one, if its record is whole."""
-        return (sequence in self.sent) + (sequence in self.dropped) + (sequence in self.queued)
+        return (number in self.sent) + (number in self.dropped) + (number in self.queued)
 
 
 def stories(record: Record) -> dict[LinkName, list[Story]]:
@@ -82,7 +89,7 @@ def stories(record: Record) -> dict[LinkName, list[Story]]:
     found: dict[LinkName, list[Story]] = {link: [] for link in record.links()}
     for link, incarnation in sorted(told, key=lambda key: key[1]):
         mine = told[link, incarnation]
-        frames = (court.story(link, incarnation, mine, sequence) for sequence in range(mine.offered))
+        frames = (court.story(link, incarnation, mine, number) for number in mine.numbers())
         found.setdefault(link, []).extend(frames)
     return found
 
@@ -92,25 +99,29 @@ def _gather(record: Record) -> dict[tuple[LinkName, int], _Told]:
     for (agent, incarnation), batch in record.batches.items():
         for sent in batch.sent:
             account = told[(agent, sent.target), incarnation]
-            _put(account.sent, sent.sequence, sent, account)
+            _put(account.sent, (sent.sequence, sent.copy), sent, account)
         for dropped in batch.dropped:
             account = told[(agent, dropped.target), incarnation]
-            _put(account.dropped, dropped.sequence, dropped, account)
+            _put(account.dropped, (dropped.sequence, 0), dropped, account)
         for heard in batch.heard:
             account = told[(heard.source, agent), heard.incarnation]
-            _put(account.heard, heard.sequence, heard, account)
+            _put(account.heard, (heard.sequence, heard.copy), heard, account)
         for late in batch.late:
-            told[(late.source, agent), late.incarnation].late[late.sequence] = late
+            told[(late.source, agent), late.incarnation].late[late.sequence, late.copy] = late
         for event in batch.events:
             if event["event"] == "queued":
-                told[(agent, event["target"]), incarnation].queued |= set(event["sequences"])
+                waiting = {(sequence, 0) for sequence in event["sequences"]}
+                told[(agent, event["target"]), incarnation].queued |= waiting
+            elif event["event"] == "held":
+                numbers = {(sequence, copy) for sequence, copy in event["sequences"]}
+                told[(event["source"], agent), event["incarnation"]].held |= numbers
     return told
 
 
-def _put(accounts: dict[int, _Entry], sequence: int, entry: _Entry, account: _Told) -> None:
-    if sequence in accounts:
-        account.twice.add(sequence)
-    accounts[sequence] = entry
+def _put(accounts: dict[Number, _Entry], number: Number, entry: _Entry, account: _Told) -> None:
+    if number in accounts:
+        account.twice.add(number)
+    accounts[number] = entry
 
 
 class _Gone(NamedTuple):
@@ -141,16 +152,17 @@ class _Court:
         back_ns = record.restart_ns(agent, at_ns)
         return self._end_ns if back_ns is None else back_ns
 
-    def story(self, link: LinkName, incarnation: int, told: _Told, sequence: int) -> Story:
+    def story(self, link: LinkName, incarnation: int, told: _Told, number: Number) -> Story:
         """All that is known of one frame."""
-        sent, heard = told.sent.get(sequence), told.heard.get(sequence)
-        dropped, late = told.dropped.get(sequence), told.late.get(sequence)
+        sent, heard = told.sent.get(number), told.heard.get(number)
+        dropped, late = told.dropped.get(number), told.late.get(number)
         due_ns = sent.due_ns if sent else heard.due_ns if heard else None
         return Story(
             source=link[0],
             target=link[1],
             incarnation=incarnation,
-            sequence=sequence,
+            sequence=number[0],
+            copy=number[1],
             size=sent.size if sent else None,
             start_ns=sent.start_ns if sent else None,
             airtime_ns=sent.airtime_ns if sent else None,
@@ -158,21 +170,27 @@ class _Court:
             verdict=sent.verdict if sent else None,
             dropped_ns=dropped.time_ns if dropped else None,
             behind_ns=late.behind_ns if late else None,
-            fate=self._fate(link, incarnation, told, sequence),
-            contradicted=self._contradicted((link[0], incarnation), told, sequence),
+            fate=self._fate(link, incarnation, told, number),
+            contradicted=self._contradicted((link[0], incarnation), told, number),
         )
 
-    def _fate(self, link: LinkName, incarnation: int, told: _Told, sequence: int) -> str:
-        if sequence in told.heard:
-            return told.heard[sequence].fate
-        if sequence in told.dropped:
-            return told.dropped[sequence].cause
-        if sequence in told.queued:
+    def _fate(self, link: LinkName, incarnation: int, told: _Told, number: Number) -> str:
+        if number in told.heard:
+            return told.heard[number].fate
+        if number in told.dropped:
+            return told.dropped[number].cause
+        if number in told.queued:
             return SENDER_DOWN if self._killed[link[0]] > incarnation else IN_FLIGHT
+        if number in told.held:
+            return IN_FLIGHT if self._lives_on(link[1]) else RECEIVER_DOWN
         broken = (link[0], incarnation) in self._broken_off
-        if sequence in told.sent:
-            return self._unheard(link[1], told.sent[sequence], last=sequence > told.last_heard, broken=broken)
-        return UNKNOWN if broken and sequence > told.last_told else MISSING
+        if number in told.sent:
+            return self._unheard(link[1], told.sent[number], last=number[0] > told.last_heard, broken=broken)
+        return UNKNOWN if broken and number[0] > told.last_told else MISSING
+
+    def _lives_on(self, agent: str) -> bool:
+        """Whether no fault has killed an agent: what a link holds back for it is on its way still."""
+        return not self._killed[agent]
 
     def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:
         """The fate of a frame that was sent and that nobody wrote down as heard.
@@ -186,12 +204,12 @@ class _Court:
                 return RECEIVER_DOWN if gone.meant else UNKNOWN
         return UNKNOWN if broken and last else MISSING
 
-    def _contradicted(self, life: Life, told: _Told, sequence: int) -> bool:
-        if sequence in told.twice or told.accounts(sequence) > 1:
+    def _contradicted(self, life: Life, told: _Told, number: Number) -> bool:
+        if number in told.twice or told.accounts(number) > 1:
             return True
-        heard, sent = told.heard.get(sequence), told.sent.get(sequence)
+        heard, sent = told.heard.get(number), told.sent.get(number)
         if heard is None:
             return False
         if sent is None:
-            return life not in self._broken_off or sequence <= told.last_told
+            return life not in self._broken_off or number[0] <= told.last_told
         return sent.due_ns != heard.due_ns or (heard.fate == DELIVERED and sent.verdict != DELIVERED)

@@ -132,14 +132,17 @@ Story = tuple[int, Any]
 
 
 def _heard(batch: Batch) -> dict[tuple[Any, ...], Story]:
-    return {(heard.source, heard.incarnation, heard.sequence): (heard.due_ns, heard.fate) for heard in batch.heard}
+    return {
+        (heard.source, heard.incarnation, heard.copy, heard.sequence): (heard.due_ns, heard.fate)
+        for heard in batch.heard
+    }
 
 
 def _sent(batch: Batch) -> dict[tuple[Any, ...], Story]:
     sent: dict[tuple[Any, ...], Story] = {
-        (entry.target, entry.sequence): (entry.start_ns, entry[2:]) for entry in batch.sent
+        (entry.target, entry.copy, entry.sequence): (entry.start_ns, entry[2:]) for entry in batch.sent
     }
-    dropped = {(entry.target, entry.sequence): (entry.time_ns, entry.cause) for entry in batch.dropped}
+    dropped = {(entry.target, 0, entry.sequence): (entry.time_ns, entry.cause) for entry in batch.dropped}
     return sent | dropped
 
 
