@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
+from ..topologies import Span
 from ..transport.faults import Fault, Kill, LinkName
 from ..transport.links import LinkSettings
 from .sensing import measured
 
 MILLISECOND_NS = 1_000_000
-Span = tuple[int, int]
-"""Half-open interval [from, until) in nanoseconds."""
 
 
 class World(Protocol):

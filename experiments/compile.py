@@ -9,8 +9,9 @@ from dataclasses import replace
 import networkx as nx
 
 from .. import topologies, worlds
-from ..agents.plan import AgentPlan, Plan, World
+from ..agents.plan import AgentPlan, Moving, Plan, World
 from ..errors import BadInput
+from ..topologies import TimedGraph
 from ..transport.faults import Fault, Kill, LinkName
 from ..transport.links import LinkSettings
 from .fitting import misfits
@@ -21,6 +22,7 @@ from .timeline import ALL, changed_links, expand, parse_links
 from .writing import quantity
 
 _PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
+_PROXIMITY = "proximity"
 _QUOTED = re.compile(r"'([^']*)'")
 
 
@@ -38,22 +40,24 @@ def compile_plan(scenario: Scenario) -> Plan:
 
 def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
     """The plan, if there is one, and everything that is wrong with it, each at its place in the scenario."""
+    problems: list[Problem] = []
+    of_world: list[Problem] = []
     try:
-        graph = topologies.build(scenario.topology, scenario.seed)
+        timed, world = _surroundings(scenario, of_world)
     except BadInput as error:
         return None, [_placed(error, "topology")]
-    problems: list[Problem] = []
-    links = _links(scenario, graph, problems)
+    links = _links(scenario, timed.union, problems)
     faults = _faults(scenario, list(links), problems)
-    world = _world(scenario, graph, problems)
+    problems.extend(of_world)
     plan = Plan(
         scenario.name,
         scenario.seed,
         scenario.duration,
-        _agents(scenario, graph),
+        _agents(scenario, timed.union, placed=not isinstance(world, Moving)),
         links,
         world,
         faults,
+        presence={link: spans for edge, spans in timed.presence.items() for link in (edge, edge[::-1])},
         slots=radio_slots(links),
     )
     if not problems:
@@ -68,8 +72,23 @@ def _placed(error: BadInput, field: str) -> Problem:
     return Problem((*place.split("."), *_QUOTED.findall(message)[:1]), message)
 
 
-def _agents(scenario: Scenario, graph: nx.Graph) -> tuple[AgentPlan, ...]:
-    agents, positions = scenario.agents, topologies.positions(graph)
+def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | None]:
+    """The graph over time and the world; whichever of the two says who the agents are is made first.
+
+    Raises:
+        BadInput: no graph, or nobody moves where the graph follows from that.
+    """
+    spec, seed, duration_ns = scenario.topology, scenario.seed, scenario.duration
+    if _PROXIMITY in spec and scenario.world is not None and scenario.world.get("kind") == worlds.MOVING:
+        world = worlds.build(scenario.world, {}, seed)
+        places = world.positions if isinstance(world, worlds.MovingWorld) else None
+        return topologies.build_over_time(spec, seed, duration_ns, places), world
+    timed = topologies.build_over_time(spec, seed, duration_ns)
+    return timed, _world(scenario, timed.union, problems)
+
+
+def _agents(scenario: Scenario, graph: nx.Graph, *, placed: bool) -> tuple[AgentPlan, ...]:
+    agents, positions = scenario.agents, topologies.positions(graph) if placed else {}
     neighbours = {name: tuple(topologies.neighbours(graph, name)) for name in topologies.agents(graph)}
     return tuple(
         AgentPlan(
@@ -130,13 +149,14 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
     if scenario.world is None:
         return None
     positions = topologies.positions(graph)
-    if not positions:
+    if not positions and scenario.world.get("kind") != worlds.MOVING:
         kind = next(iter(scenario.topology))
         text = f"a world needs agents with positions, and topology {kind!r} has none: take an array, or drop the world"
         problems.append(Problem(("world",), text))
         return None
     try:
-        return worlds.build(scenario.world, {name: (x, y) for name, (x, y, *_) in positions.items()}, scenario.seed)
+        places = {name: (x, y) for name, (x, y, *_) in positions.items()}
+        return worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
     except BadInput as error:
         problems.append(_placed(error, "world"))
         return None

@@ -74,13 +74,14 @@ def _words(path: Loc) -> tuple[str, ...]:
 
 
 def existing(data: Any, loc: Loc) -> Loc:
-    """The parts of a place that stand in the data, without the names that only the validator knows."""
+    """The parts of a place that stand in the data, indices as numbers; names that only the validator knows are not in it."""
     path: Loc = ()
     for part in loc:
+        index = int(part) if isinstance(data, list) and str(part).isdecimal() else part
         keys: Any = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
-        if part in keys:
-            data = data[part]
-            path = (*path, part)
+        if index in keys:
+            data = data[index]
+            path = (*path, index)
     return path
 
 
@@ -210,7 +211,7 @@ def _chooses(name: str, key: str) -> bool:
 def _new_from(node: Any, path: tuple[str, ...]) -> tuple[str, ...]:
     """The first part of a path: up to what is not there, is no container, or gives way to another model."""
     for depth, part in enumerate(path):
-        below = existing(node, (int(part) if isinstance(node, list) and part.isdecimal() else part,))
+        below = existing(node, (part,))
         if not below:
             replaced = not isinstance(node, dict) or _chooses(path[depth - 1] if depth else "", part)
             return path[: depth if replaced else depth + 1]

@@ -43,7 +43,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)
     overridden = any(path[:2] in {("topology",), ("topology", "file")} for path in document.overrides)
-    _anchor(document.data.get("topology"), Path.cwd() if overridden else folder)
+    _anchor_all(document.data.get("topology"), Path.cwd() if overridden else folder)
     try:
         scenario = validated(SCENARIO, document.data)
     except ValidationError as error:
@@ -57,6 +57,13 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
 def _reach(*folders: Path) -> None:
     """Let `kind: module:Class` find modules in these folders; what is installed comes first."""
     sys.path.extend(place for place in map(str, folders) if place not in sys.path)
+
+
+def _anchor_all(topology: Any, folder: Path) -> None:
+    """Anchor the graph, or every graph of a schedule."""
+    schedule = topology.get("schedule") if isinstance(topology, dict) else None
+    for graph in schedule if isinstance(schedule, list) else [topology]:
+        _anchor(graph, folder)
 
 
 def _anchor(topology: Any, folder: Path) -> None:

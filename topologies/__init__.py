@@ -2,6 +2,7 @@
 
 A topology is a networkx graph of named agents, validated once and listed in natural order: generators, arrays of
 flying-array modules, files, the proximity graph of agents that move, and `build` for a scenario's `topology:` mapping.
+Graphs that change are a union of all edges with the spans in which each is there: `build_over_time`.
 Beside them stand what follows from a graph: consensus weights, spectra and distances, colourings for slot plans.
 """
 
@@ -11,6 +12,8 @@ from .colouring import edge_colouring, node_colouring
 from .files import read
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
+from .over_time import build_over_time
+from .presence import Edge, Span, TimedGraph, disconnected, edges_at, mean_connectivity, mean_laplacian
 from .random_graphs import erdos_renyi, geometric, proximity, small_world
 from .regular import complete, grid, line, ring, star
 from .spectra import (
@@ -27,19 +30,25 @@ from .weights import Weights, constant_edge, maximum_degree, metropolis, metropo
 
 __all__ = [
     "MODULE_SPACING",
+    "Edge",
     "Position",
+    "Span",
+    "TimedGraph",
     "Weights",
     "agents",
     "algebraic_connectivity",
     "ball",
     "build",
+    "build_over_time",
     "check_name",
     "complete",
     "constant_edge",
     "contraction",
     "diameter",
+    "disconnected",
     "edge_colouring",
     "edges",
+    "edges_at",
     "erdos_renyi",
     "four_module_array",
     "from_edges",
@@ -50,6 +59,8 @@ __all__ = [
     "laplacian_spectrum",
     "line",
     "maximum_degree",
+    "mean_connectivity",
+    "mean_laplacian",
     "metropolis",
     "metropolis_weight",
     "natural_key",

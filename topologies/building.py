@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,15 +14,19 @@ from .. import units
 from ..errors import BadInput
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
 from .files import read
+from .graphs import from_edges
+from .naming import check_name
 from .random_graphs import erdos_renyi, geometric, small_world
 from .regular import complete, grid, line, ring, star
 
 _Reader = Callable[[object], Any]
+OVER_TIME = ("schedule", "proximity")
+"""Kinds of graphs that change, for `over_time.build_over_time` to read."""
 _FIXED_ARRAYS = {4: four_module_array, 16: sixteen_module_array}
 
 
 def build(spec: Mapping[str, Any], seed: int) -> nx.Graph:
-    """The graph of a scenario's `topology:` mapping, such as {ring: 6} or {geometric: {count: 20, radius: 0.3 m}}.
+    """The graph of a `topology:` mapping that does not change, such as {ring: 6} or {geometric: {count: 20, …}}.
 
     One key names the kind. Its value is a mapping of all parameters, or the first of them with the others beside the
     kind: {cells: [[0, 0], [1, 0]], spacing: 0.25 m}. Lengths are text with a unit, or numbers in metres. {hexagonal: 4}
@@ -69,8 +73,10 @@ def _kind_of(spec: Mapping[str, Any]) -> str:
     if found:
         raise BadInput(f"topology: {' and '.join(found)} each name a kind: keep one")
     for key in spec:
-        raise BadInput(f"topology: unknown kind {key!r}{_hint(key, _KINDS)}")
-    raise BadInput(f"topology: no kind: write one of {', '.join(_KINDS)}")
+        if key in OVER_TIME:
+            raise BadInput(f"topology: {key} is a graph that changes, and cannot stand here: use another kind")
+        raise BadInput(f"topology: unknown kind {key!r}{_hint(key, (*_KINDS, *OVER_TIME))}")
+    raise BadInput(f"topology: no kind: write one of {', '.join((*_KINDS, *OVER_TIME))}")
 
 
 def _given(name: str, kind: _Kind, spec: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,7 +110,7 @@ def _read(place: str, reader: _Reader, value: object) -> Any:
         raise BadInput(f"{place}: {error}") from error
 
 
-def _hint(key: object, known: Mapping[str, Any]) -> str:
+def _hint(key: object, known: Collection[str]) -> str:
     close = difflib.get_close_matches(str(key), known, n=1)
     return f": did you mean {close[0]}?" if close else f": it is one of {', '.join(known)}"
 
@@ -131,6 +137,29 @@ def _cells(value: object) -> list[tuple[int, int]]:
     raise BadInput(f"{value!r} is not a list of cells: write axial coordinates, as in [[0, 0], [1, 0]]")
 
 
+def edge_list(value: object) -> list[tuple[str, str]]:
+    """Edges written as [1-2, 2-3].
+
+    Raises:
+        BadInput: not a list, or something in it that is not two names with a `-` between them.
+    """
+    if not isinstance(value, list | tuple):
+        raise BadInput(f"{value!r} is not a list of edges: write them as in [1-2, 2-3]")
+    return [edge(word) for word in value]
+
+
+def edge(word: object) -> tuple[str, str]:
+    """An edge written as 1-2.
+
+    Raises:
+        BadInput: not two names with a `-` between them.
+    """
+    first, dash, second = word.partition("-") if isinstance(word, str) else ("", "", "")
+    if not (first.strip() and dash and second.strip()):
+        raise BadInput(f"{word!r} is not an edge: write two names with a dash, as in 1-2")
+    return check_name(first.strip()), check_name(second.strip())
+
+
 def _path(value: object) -> str:
     if isinstance(value, str):
         return value
@@ -141,6 +170,10 @@ def _array(count: int, run_seed: int, seed: int | None = None, spacing: float = 
     if seed is None and count in _FIXED_ARRAYS:
         return _FIXED_ARRAYS[count](spacing)
     return random_hexagonal(count, run_seed if seed is None else seed, spacing)
+
+
+def _listed(edges: list[tuple[str, str]]) -> nx.Graph:
+    return from_edges(edges)
 
 
 def _seeded(make: Callable[..., nx.Graph]) -> Callable[..., nx.Graph]:
@@ -164,5 +197,6 @@ _KINDS: Mapping[str, _Kind] = {
     "small-world": _Kind(
         _seeded(small_world), {**_COUNT, "neighbours": _integer, "rewiring": _number}, _SEED, random=True
     ),
+    "edges": _Kind(_listed, {"edges": edge_list}, {}),
     "file": _Kind(read, {"path": _path}, {}),
 }

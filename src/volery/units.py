@@ -33,6 +33,7 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "bit/s": {"bit/s": Fraction(1), "kbit/s": Fraction(10**3), "Mbit/s": Fraction(10**6)},
     "B": {"B": Fraction(1), "kB": Fraction(10**3)},
     "m": {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)},
+    "m/s": {"mm/s": Fraction(1, 1000), "m/s": Fraction(1), "km/h": Fraction(1000, 3600)},
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
 }

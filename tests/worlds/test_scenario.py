@@ -44,6 +44,7 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
     assert build({"kind": "plane", "altitude": "0.2 m"}, PLACES, 1) == level
     assert build({"kind": "plane", "altitude": "0.2 m", "roll": 0, "pitch": "0 deg"}, PLACES, 1) == level
     quiet = build({"kind": "plane", "altitude": "0.2 m", "distance_noise": 0}, PLACES, 1)
+    assert isinstance(quiet, PlaneWorld)
     assert quiet.sensor == GaussianDistance(0.0)
 
 

@@ -1,0 +1,135 @@
+"""Graphs that change: when each edge is there, when the graph falls apart, and how connected it is on average.
+
+Time is in whole nanoseconds, spans are half-open. An edge without spans of its own is there all the time.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .graphs import Position, agents, edges, from_edges, ordered
+from .spectra import laplacian
+
+Edge = tuple[str, str]
+Span = tuple[int, int]
+"""Half-open interval [from, until) in nanoseconds."""
+
+
+@dataclass(frozen=True)
+class TimedGraph:
+    """A graph over time: `union` has every edge that is there at some time, `presence` the spans of those that go.
+
+    `presence` maps edge, the lower name first → spans, ascending and apart; an edge that is not in it never goes.
+    """
+
+    union: nx.Graph
+    presence: Mapping[Edge, tuple[Span, ...]] = field(default_factory=dict)
+
+
+def merged(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """The same instants as ascending spans that are apart: those that touch or overlap are one, empty ones go."""
+    joined: list[Span] = []
+    for start, end in sorted(span for span in spans if span[0] < span[1]):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end)
+        else:
+            joined.append((start, end))
+    return tuple(joined)
+
+
+def timed(
+    spans: Mapping[Edge, Iterable[Span]],
+    until_ns: int,
+    names: Iterable[str] = (),
+    positions: Mapping[str, Position] | None = None,
+) -> TimedGraph:
+    """The graph of edges with the spans in which they are there, over the time [0, until_ns).
+
+    Args:
+        spans: edge, either end first → spans in any order; what lies outside of the time is cut off.
+        until_ns: the end of the time, above 0.
+        names: agents that must exist.
+        positions: agent → place in metres, for every agent or for none.
+
+    Raises:
+        BadInput: the union of all edges is no topology, see `graphs.validate`.
+    """
+    kept = {
+        ordered(*edge): merged((max(0, start), min(end, until_ns)) for start, end in its) for edge, its in spans.items()
+    }
+    union = from_edges((edge for edge, its in kept.items() if its), names, positions)
+    return TimedGraph(union, {edge: kept[edge] for edge in edges(union) if kept[edge] != ((0, until_ns),)})
+
+
+def epochs(graphs: Sequence[tuple[int, Iterable[Edge]]], until_ns: int) -> dict[Edge, tuple[Span, ...]]:
+    """Edge, the lower name first → the spans in which it is there, from edges that hold until the next begin.
+
+    Args:
+        graphs: (begin in nanoseconds, edges), begins ascending.
+        until_ns: when the last of them ends.
+    """
+    begins = [begin for begin, _ in graphs]
+    found: dict[Edge, list[Span]] = {}
+    for (begin, its), end in zip(graphs, [*begins[1:], until_ns], strict=True):
+        for edge in its:
+            found.setdefault(ordered(*edge), []).append((begin, end))
+    return {edge: merged(spans) for edge, spans in found.items()}
+
+
+def is_there(spans: Sequence[Span], time_ns: int) -> bool:
+    """Whether an instant lies in one of ascending spans."""
+    index = bisect_right(spans, time_ns, key=lambda span: span[0]) - 1
+    return index >= 0 and time_ns < spans[index][1]
+
+
+def edges_at(graph: TimedGraph, time_ns: int) -> list[Edge]:
+    """The edges that are there at an instant, in natural order, the lower name of each first."""
+    return [
+        edge for edge in edges(graph.union) if edge not in graph.presence or is_there(graph.presence[edge], time_ns)
+    ]
+
+
+def disconnected(graph: TimedGraph, until_ns: int) -> tuple[Span, ...]:
+    """The spans of [0, until_ns) in which some agent cannot reach another, ascending and apart."""
+    apart = []
+    names = agents(graph.union)
+    instants = sorted({0, *(instant for its in graph.presence.values() for span in its for instant in span)})
+    for start, end in zip(instants, [*instants[1:], until_ns], strict=True):
+        now = nx.Graph()
+        now.add_nodes_from(names)
+        now.add_edges_from(edges_at(graph, start))
+        if not nx.is_connected(now):
+            apart.append((start, min(end, until_ns)))
+    return merged(apart)
+
+
+def mean_laplacian(graph: TimedGraph, until_ns: int) -> NDArray[np.float64]:
+    """Time average of the Laplacian over [0, until_ns), shape (N, N), rows in natural order.
+
+    L̄ = (1/T) ∫ L(t) dt: each edge weighs the fraction of the time in which it is there. Its λ_2 is above zero exactly
+    when the union is connected, which is what agreement over a changing graph needs     Jadbabaie, Lin and Morse 2003
+    """
+    if until_ns <= 0:
+        raise BadInput(f"an average over {until_ns} ns is none: it takes a time above 0")
+    matrix = laplacian(graph.union)
+    row = {name: index for index, name in enumerate(agents(graph.union))}
+    for edge, spans in graph.presence.items():
+        absent = 1.0 - sum(end - start for start, end in spans) / until_ns
+        first, second = row[edge[0]], row[edge[1]]
+        matrix[first, second] += absent
+        matrix[second, first] += absent
+        matrix[first, first] -= absent
+        matrix[second, second] -= absent
+    return matrix
+
+
+def mean_connectivity(graph: TimedGraph, until_ns: int) -> float:
+    """λ_2 of the time average of the Laplacian."""
+    return float(np.linalg.eigvalsh(mean_laplacian(graph, until_ns))[1])
