@@ -74,7 +74,7 @@ def _words(path: Loc) -> tuple[str, ...]:
 
 
 def existing(data: Any, loc: Loc) -> Loc:
-    """The parts of a place that stand in the data, indices as numbers; names that only the validator knows are not in it."""
+    """The parts of a place that stand in the data, indices as numbers, without what only the validator knows."""
     path: Loc = ()
     for part in loc:
         index = int(part) if isinstance(data, list) and str(part).isdecimal() else part

@@ -14,6 +14,7 @@ from ..transport.faults import LinkName
 from ..transport.links import LinkSettings
 from ..transport.media import HalfDuplex, Tdma, on_air
 from .fitting import slots_of
+from .graph_changes import GraphChanges, graph_changes
 from .writing import ACCESS_NAMES
 
 if TYPE_CHECKING:
@@ -40,7 +41,10 @@ class MediumUse:
 
 @dataclass(frozen=True)
 class Validation:
-    """What a plan asks for. `slack_ns` is the time that the hardest pressed link leaves to the machine."""
+    """What a plan asks for. `slack_ns` is the time that the hardest pressed link leaves to the machine.
+
+    `graph` says how the graph changes, where it does.
+    """
 
     name: str
     agents: int
@@ -48,6 +52,7 @@ class Validation:
     puts_per_second: float | None
     largest_payload: int | None
     slack_ns: int
+    graph: GraphChanges | None = None
 
     @property
     def overloaded(self) -> tuple[MediumUse, ...]:
@@ -72,6 +77,7 @@ def validate_plan(plan: Plan, overload: bool = False) -> Validation:
         _total([rates[source] for source, _ in plan.links]),
         max(told, default=None),
         min(compute[source] + settings.lookahead_ns() for (source, _), settings in plan.links.items()),
+        graph_changes(plan),
     )
     if validation.overloaded and not overload:
         raise BadInput(_overload_message(validation.overloaded))
@@ -149,12 +155,14 @@ def _overload_message(rows: tuple[MediumUse, ...]) -> str:
 
 
 def validation_table(validation: Validation) -> Table:
-    """The validation as a table: a row per medium, the totals below."""
+    """The validation as a table: a row per medium, the totals and what the graph does below."""
     from rich.table import Table
 
     table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
     puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
     largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
+    if validation.graph is not None:
+        table.caption, table.caption_justify = str(validation.graph), "left"
     table.add_column("medium", f"{validation.agents} agents")
     table.add_column("access", f"largest payload {largest}")
     table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")

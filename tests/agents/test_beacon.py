@@ -158,3 +158,4 @@ def test_what_is_known_beforehand() -> None:
     """The rate of all agents where all talk; where only some do it depends on the agent."""
     assert Beacon.sends_per_second(BeaconParameters(rate=3.0)) == 3.0
     assert Beacon.sends_per_second(BeaconParameters(talkers="leaves")) is None
+    assert [Beacon.broadcasts(BeaconParameters(broadcast=once)) for once in (True, False)] == [True, False]

@@ -61,10 +61,11 @@ def test_every_topology_and_world_is_explained() -> None:
         topologies.build({}, 0)
     with pytest.raises(BadInput) as world:
         worlds.build({"qqqq": 1}, {"1": (0.0, 0.0)}, 0)
-    kinds, keys = known(str(topology.value)), known(str(world.value))
-    assert len(kinds) == 11
-    assert len(keys) == 7
-    assert {*kinds, *keys} - IN_CODE == set()
+    with pytest.raises(BadInput) as moving:
+        worlds.build({"kind": "moving", "qqqq": 1}, {}, 0)
+    kinds, keys, motions = (known(str(refused.value)) for refused in (topology, world, moving))
+    assert (len(kinds), len(keys), len(motions)) == (14, 7, 5)
+    assert {*kinds, *keys, *motions} - IN_CODE == set()
 
 
 @pytest.mark.parametrize("fragment", [{}, *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -90,3 +91,41 @@ def test_a_frame_must_fit_its_link(
     At 8 kbit/s a byte takes 1 ms; of two slots in 20 ms each is 10 ms, less 1 ns, less the guard.
     """
     assert [field for field, _ in settings_problems(settings, payload, compute_ns)] == fields
+
+
+MOVING = "world={kind: moving, paths: {1: {0 s: [0, 0]}, 2: {0 s: [9, 0]}, 3: {0 s: [9, 5], 10 s: [9, 25]}}}"
+
+
+def test_a_schedule_becomes_the_spans_of_its_links(load: Load) -> None:
+    """Links are those of all graphs, and both directions of an edge are there at the same times."""
+    plan = compile_plan(load("topology={schedule: [{from: 0 s, line: 3}, {from: 4 s, ring: 3}]}", "faults=[]"))
+    assert len(plan.links) == 6
+    assert plan.presence == dict.fromkeys((("1", "3"), ("3", "1")), ((4_000_000_000, 10_000_000_000),))
+    assert plan.agents[0].neighbours == ("2", "3")
+    assert plan.agents[0].position is not None
+
+
+def test_agents_that_move_are_neighbours_while_they_are_near(load: Load) -> None:
+    """Agent 3 goes away from 2 at 2 m/s, from 5 m: it is beyond 10 m at the first look after 2.5 s."""
+    plan = compile_plan(load("topology={proximity: {radius: 10 m, every: 200 ms}}", MOVING, "faults=[]"))
+    assert plan.presence == dict.fromkeys((("2", "3"), ("3", "2")), ((0, 2_600_000_000),))
+    assert plan.distance_m("2", "3", 5_000_000_000) == 15.0
+    assert [agent.position for agent in plan.agents] == [None, None, None]
+    assert pickle.loads(pickle.dumps(plan)) == plan  # noqa: S301 - made here
+
+
+def test_a_world_may_move_the_agents_of_any_topology(load: Load) -> None:
+    """The graph stays, its positions give way to the world's; other agents than the topology's are refused."""
+    plan = compile_plan(load("topology={complete: 3}", MOVING))
+    assert (plan.presence, plan.distance_m("1", "2", 0)) == ({}, 9.0)
+    scenario = load()
+    wrong = Scenario.model_construct(**{**dict(scenario), "topology": {"line": 4}, "world": load(MOVING).world})
+    with pytest.raises(BadInput, match=r"^world.paths: it moves agents 1, 2, 3, the topology has 1, 2, 3, 4"):
+        compile_plan(wrong)
+
+
+def test_a_file_in_a_schedule_is_found_beside_the_scenario(load: Load, tmp_path: Path) -> None:
+    """As that of a graph that does not change."""
+    (tmp_path / "pairs.edges").write_text("1 2\n2 3\n1 3\n", "utf-8")
+    schedule = ("topology: {line: 3}", "topology: {schedule: [{from: 0 s, file: pairs.edges}, {from: 1 s, line: 3}]}")
+    assert compile_plan(load(replacing=schedule)).presence.keys() == {("1", "3"), ("3", "1")}

@@ -70,3 +70,37 @@ def test_the_table_has_a_row_per_medium_and_the_totals(load: Load) -> None:
     text = console.export_text()
     for words in ("1>2", "tdma", "4.340 ms", "100.0%", "240 puts/s", "largest payload 46 B", "slack 1.847 ms"):
         assert words in text
+
+
+@pytest.mark.parametrize(
+    ("edges", "said"),
+    [
+        ("{1-2: always, 2-3: [[0 s, 4 s], [6 s, 7 s], [9 s]]}", "is not connected for 4 s in 2 spans, the longest"),
+        ("{1-2: always, 2-3: always, 1-3: [[2 s, 3 s]]}", "is connected all the time"),
+        ("{1-2: [[0 s, 5 s]], 2-3: [[5 s]]}", "is not connected for 10 s in one span, from 0 s to 10 s"),
+    ],
+)
+def test_a_graph_that_changes_is_told_apart(load: Load, edges: str, said: str) -> None:
+    """When some agent cannot reach another, and λ₂ of the average, which is above zero all the same."""
+    validation = validate_plan(compile_plan(load(f"topology.edges={edges}", "faults=[]")))
+    assert validation.graph is not None
+    assert said in str(validation.graph)
+    assert validation.graph.mean_connectivity > 0.0
+    console = Console(file=io.StringIO(), width=400)
+    console.print(validation_table(validation))
+    assert isinstance(console.file, io.StringIO)
+    assert str(validation.graph) in " ".join(console.file.getvalue().split())
+
+
+def test_of_a_graph_that_stays_nothing_is_said(load: Load) -> None:
+    """There is no line for it."""
+    assert validate_plan(compile_plan(load())).graph is None
+
+
+def test_two_halves_that_take_turns_are_half_as_connected(load: Load) -> None:
+    """Each edge is there for half of the time: λ₂ of the average is half that of the path of three, which is 1."""
+    graph = validate_plan(compile_plan(load("topology.edges={1-2: [[0 s, 5 s]], 2-3: [[5 s]]}", "faults=[]"))).graph
+    assert graph is not None
+    assert (graph.instants, graph.apart) == (1, ((0, 10_000_000_000),))
+    assert graph.mean_connectivity == pytest.approx(0.5)
+    assert graph.union_connectivity == pytest.approx(1.0)
