@@ -105,7 +105,8 @@ MEDIA: dict[str, Any] = {
 _MEDIUM = OneOf("MediumModel", MEDIA)
 _LOSS = OneOf("LossModel", LOSSES, of_scalar="bernoulli")
 _LATENCY = OneOf("LatencyModel", LATENCIES, of_scalar="constant")
-_LOSSES: TypeAdapter[tuple[Loss, ...]] = TypeAdapter(tuple[Annotated[Any, Reader(_LOSS.read, _LOSS.written)], ...])
+_OneLoss = Annotated[Any, Reader(_LOSS.read, str | float | _LOSS.written)]
+_LOSSES: TypeAdapter[tuple[Loss, ...]] = TypeAdapter(tuple[_OneLoss, ...])
 
 
 class _MediumFields(_HalfDuplexFields, total=False):
@@ -127,8 +128,7 @@ def _read_losses(value: Any) -> tuple[Loss, ...]:
     return validated(_LOSSES, value if isinstance(value, list) else [value])
 
 
-_LOSS_READER = Reader(_read_losses, str | float | _LOSS.written | list[_LOSS.written] | None)
-Losses = Annotated[tuple[Loss, ...], _LOSS_READER]
+Losses = Annotated[tuple[Loss, ...], Reader(_read_losses, str | float | _LOSS.written | list[_OneLoss] | None)]
 
 
 def _bounded(name: str) -> AfterValidator:
