@@ -6,7 +6,7 @@ shared medium have in common.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from ..errors import BadInput
@@ -140,40 +140,31 @@ class Sending:
 
     def _transmit(self, name: str, transmission: Transmission) -> None:
         payload, start, airtime, copies = transmission
+        incarnation, journal = self._node.incarnation, self._node.journal.sent
         for target, sequence, copy, due, verdict in copies:
-            self._node.journal.sent.append(Sent(target, sequence, len(payload), start, airtime, due, verdict, copy))
-        for message in self._messages(name, transmission):
-            self._put(name, message)
-
-    def _messages(self, name: str, transmission: Transmission) -> Iterator[Message]:
-        payload, start, airtime, copies = transmission
-        incarnation = self._node.incarnation
+            journal.append(Sent(target, sequence, len(payload), start, airtime, due, verdict, copy))
+            if name != AIR:
+                self.sent[name] = sent = self.sent[name] + 1
+                carried = payload if verdict == DELIVERED else b""
+                self._put(name, Frame(incarnation, sequence, start, airtime, due, verdict, carried, sent, None, copy))
         if name == AIR:
-            number = self._counted(name) - 1
+            self.sent[name] = sent = self.sent[name] + 1
             shaded = tuple(way.target for way in self.outlets[AIR].ways if way.settings.cut or not way.settings.present)
-            yield AirFrame(incarnation, number, start, airtime, payload, number + 1, None, tuple(copies), shaded)
-            return
-        for _, sequence, copy, due, verdict in copies:
-            carried = payload if verdict == DELIVERED else b""
-            sent = self._counted(name)
-            yield Frame(incarnation, sequence, start, airtime, due, verdict, carried, sent, None, copy)
-
-    def _counted(self, name: str) -> int:
-        self.sent[name] += 1
-        return self.sent[name]
+            air = AirFrame(incarnation, sent - 1, start, airtime, payload, sent, None, tuple(copies), shaded)
+            self._put(name, air)
 
     # -- changes ------------------------------------------------------------------------------------------------
 
     def change(self, target: str, settings: LinkSettings) -> None:
         """A link has new settings from now on."""
         name = self.outlet_of[target]
-        self.outlets[name].way(target).change(settings)
+        self.outlets[name].change(target, settings)
         self._come_back(name, self.outlets[name].next_start(self._node.now_ns))
 
     def set_clock(self, clock: Clock) -> None:
         """Slots follow another reading from now on."""
         for name, outlet in self.outlets.items():
-            outlet.clock = clock
+            outlet.set_clock(clock)
             self._come_back(name, outlet.next_start(self._node.now_ns))
 
     def earliest_starts(self, ready_ns: Mapping[str, int]) -> dict[str, int]:

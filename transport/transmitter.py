@@ -45,24 +45,26 @@ class Transmitter:
     __slots__ = (
         "_ahead",
         "_by_target",
+        "_clock",
         "_free_at",
+        "_head_start",
         "_slot",
         "_slots",
         "_theoretical",
         "_waiting",
-        "clock",
         "transceiver",
         "ways",
     )
 
     def __init__(self, ways: Sequence[Propagation], slot: int = 0, slots: int = EDGE_SLOTS) -> None:
         self.ways = tuple(ways)
-        self.clock = Clock()
+        self._clock = Clock()
         self.transceiver = Transceiver()
         self._by_target = {way.target: way for way in ways}
         self._slot, self._slots = slot, slots
         self._free_at = 0
         self._theoretical = 0
+        self._head_start: int | None = None
         self._waiting: deque[Waiting] = deque()
         self._ahead: deque[int] = deque()
 
@@ -71,9 +73,15 @@ class Transmitter:
         """Those of its links, in what they agree."""
         return self.ways[0].settings
 
-    def way(self, target: str) -> Propagation:
-        """The way to one target."""
-        return self._by_target[target]
+    def change(self, target: str, settings: LinkSettings) -> None:
+        """The link to one target has new settings from now on."""
+        self._by_target[target].change(settings)
+        self._head_start = None
+
+    def set_clock(self, clock: Clock) -> None:
+        """Slots follow another reading from now on."""
+        self._clock = clock
+        self._head_start = None
 
     def offer(self, now_ns: int, targets: Collection[str], payload: bytes, stream: str = "") -> Numbered:
         """Put a frame into the queue; what its policy throws out, in order.
@@ -89,12 +97,14 @@ class Transmitter:
             for place, waiting in enumerate(self._waiting):
                 if waiting.stream == stream and {name for name, _ in waiting.targets} == set(targets):
                     self._waiting[place] = newcomer
+                    self._head_start = None
                     return waiting.targets
         if len(self._waiting) + len(self._ahead) < queue.limit:
             self._waiting.append(newcomer)
             return ()
         if queue.policy == "drop-head":
             self._waiting.append(newcomer)
+            self._head_start = None
             return self._waiting.popleft().targets
         return newcomer.targets
 
@@ -107,8 +117,15 @@ class Transmitter:
         return [numbered for frame in self._waiting for numbered in frame.targets]
 
     def next_start(self, now_ns: int) -> int | None:
-        """When the frame at the head of the queue may start, as things stand; None with an empty queue."""
-        return self._start(now_ns, len(self._waiting[0].payload)) if self._waiting else None
+        """When the frame at the head of the queue may start, as things stand; None with an empty queue.
+
+        A start that was found before and is not over yet is the first still.
+        """
+        if not self._waiting:
+            return None
+        if self._head_start is None or self._head_start < now_ns:
+            self._head_start = self._start(now_ns, len(self._waiting[0].payload))
+        return self._head_start
 
     def earliest_next(self, ready_ns: int) -> int:
         """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
@@ -123,9 +140,11 @@ class Transmitter:
         medium = settings.medium
         if isinstance(medium, FullDuplex):
             return ready
-        reading = self.clock.reading(ready)
-        start = medium.access.earliest_start(reading, settings.airtime_ns(payload_bytes), self._slot, self._slots)
-        return self.clock.when(start, ready)
+        airtime = settings.airtime_ns(payload_bytes)
+        if self._clock.true:
+            return medium.access.earliest_start(ready, airtime, self._slot, self._slots)
+        start = medium.access.earliest_start(self._clock.reading(ready), airtime, self._slot, self._slots)
+        return self._clock.when(start, ready)
 
     @staticmethod
     def _burst_ns(settings: LinkSettings) -> int:
@@ -149,6 +168,7 @@ class Transmitter:
         time of the next frame moves on by a frame's length at the bucket's rate.
         """
         targets, payload, _ = self._waiting.popleft()
+        self._head_start = None
         settings = self.settings
         bits, airtime = settings.bits(len(payload)), settings.airtime_ns(len(payload))
         end = self._free_at = now_ns + airtime
@@ -156,5 +176,8 @@ class Transmitter:
             self._theoretical = max(now_ns, self._theoretical) + duration_ns(bits, settings.bucket.rate)
         if isinstance(settings.medium, HalfDuplex):
             self.transceiver.transmit(now_ns, end)
-        copies = [copy for name, number in targets for copy in self._by_target[name].send(number, now_ns, end, bits)]
+        name, number = targets[0]
+        copies = self._by_target[name].send(number, now_ns, end, bits)
+        for name, number in targets[1:]:
+            copies += self._by_target[name].send(number, now_ns, end, bits)
         return Transmission(payload, now_ns, airtime, copies)

@@ -34,7 +34,10 @@ class SendingEnd:
         self.outlet = Transmitter([self.way], int(natural_key(source) > natural_key(target)))
         self.next_start = self.outlet.next_start
         self.earliest_next = self.outlet.earliest_next
-        self.change = self.way.change
+
+    def change(self, settings: LinkSettings) -> None:
+        """New settings."""
+        self.outlet.change(self.way.target, settings)
 
     @property
     def sequence(self) -> int:
