@@ -28,6 +28,7 @@ _COMMANDS = {
     "show": (_SCENARIOS, "scenarios:show", "Print the YAML of a scenario."),
     "new": (_SCENARIOS, "scenarios:new", "Write a commented scenario to start from."),
     "validate": (_SCENARIOS, "scenarios:validate", "Check a scenario and say what it asks of links and machine."),
+    "links": (_SCENARIOS, "links:links", "Show the links of a scenario as they are resolved."),
     "run": (_RUNS, "run:run", "Run a scenario to its metrics and figures."),
     "status": (_LIVE, "live:status", "Say how the swarms are that run now."),
     "watch": (_LIVE, "live:watch", "Watch a running swarm until it ends."),

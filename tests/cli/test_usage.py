@@ -10,7 +10,7 @@ import pytest
 
 from .conftest import Volery
 
-SCENARIO_COMMANDS = ["list", "show", "new", "validate"]
+SCENARIO_COMMANDS = ["list", "show", "new", "validate", "links"]
 LIVE_COMMANDS = ["status", "watch", "fault", "stop"]
 RESULT_COMMANDS = ["metrics", "plot", "export", "verify", "recover"]
 COMMANDS = [*SCENARIO_COMMANDS, "run", *LIVE_COMMANDS, *RESULT_COMMANDS]
