@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import BadInput
 from ..randomness import Stream
 
 if TYPE_CHECKING:
@@ -137,6 +138,21 @@ class Agent:
 
     def on_neighbours(self) -> None:
         """The graph has changed: `context.neighbours` and `context.degrees` say what it is now."""
+
+    def save(self) -> Any:
+        """What is kept through a death that keeps the state: plain values, as MessagePack has them.
+
+        Timers and what waits to be sent are not kept. A class that overrides this overrides `restore` too.
+        """
+        raise BadInput(f"{type(self).__name__} keeps no state: it does not override save and restore")
+
+    def restore(self, state: Any) -> None:
+        """Take up what `save` gave in the life before; called after `start`, which has set timers anew."""
+
+    @classmethod
+    def keeps_state(cls) -> bool:
+        """Whether a death can leave its state to the next life."""
+        return cls.save is not Agent.save
 
     @classmethod
     def largest_payload(cls, parameters: Any) -> int | None:

@@ -33,6 +33,8 @@ class Hearing:
 
         A frame that started before this incarnation came to life is none of its business.
         """
+        if message.start_ns < self._node.start_ns:
+            return
         if isinstance(message, Frame):
             self._take(source, message)
             return
@@ -43,8 +45,6 @@ class Hearing:
 
     def _take(self, source: str, frame: Frame) -> None:
         node = self._node
-        if frame.start_ns < node.start_ns:
-            return
         sequence = (frame.incarnation << _INCARNATION_SHIFT) + frame.sequence
         event = (frame.due_ns, FRAME, source, sequence, frame.copy, node.index, self._on_arrival, frame)
         if node.has_passed(event):

@@ -13,6 +13,8 @@ from heapq import heappush
 from operator import itemgetter
 from typing import Any
 
+import msgpack
+
 from ..transport.clock import Clock
 from ..transport.events import (
     DATA,
@@ -55,9 +57,11 @@ class Node:
         incarnation: 0 at first, one more after each restart.
         start_ns: when the agent comes to life.
         index: place among the nodes that share the heap.
+        saved: what the agent's last life has left, where that is kept.
 
     `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
-    `neighbours` are all that it ever has, `present` those that it has now.
+    `neighbours` are all that it ever has, `present` those that it has now. `known` are all faults of the run that it
+    was told of, `faults` those that touch it.
     """
 
     def __init__(
@@ -69,6 +73,7 @@ class Node:
         incarnation: int = 0,
         start_ns: int = 0,
         index: int = 0,
+        saved: bytes | None = None,
     ) -> None:
         me = plan.agent(name)
         self.plan, self.name, self.incarnation, self.index = plan, name, incarnation, index
@@ -81,6 +86,7 @@ class Node:
         self.now_ns = self.event_ns = start_ns
         self.dead = False
         self.start_ns = start_ns
+        self.known: dict[str, Fault] = {}
         self.faults: dict[str, Fault] = {}
         self.clock = Clock()
         self.in_frame = False
@@ -94,6 +100,7 @@ class Node:
         kind = find(me.kind)
         self.timers_only = kind.timers_only
         self.agent: Agent = kind(NodeContext(self, me), me.parameters)
+        self.saved = saved
         self._begin(start_ns)
 
     def _begin(self, start_ns: int) -> None:
@@ -107,6 +114,8 @@ class Node:
             for sensor, rate in self.plan.world.sensors(self.name).items():
                 self._schedule_sample(sensor, rate, first_period(rate, start_ns))
         self.agent.start()
+        if self.saved is not None:
+            self.agent.restore(msgpack.unpackb(self.saved))
 
     # -- events -------------------------------------------------------------------------------------------------
 
@@ -201,7 +210,8 @@ class Node:
     # -- faults and the graph -----------------------------------------------------------------------------------
 
     def arm(self, fault: Fault) -> None:
-        """Take note of a fault, or of a new end of one that is known; what does not touch this node is passed over."""
+        """Take note of a fault, or of a new end of one that is known; what does not touch this node is only known."""
+        self.known[fault.id] = fault
         if not self._touches(fault) or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
             return
         known = self.faults.get(fault.id)
@@ -233,7 +243,7 @@ class Node:
         elif isinstance(fault, ClockFault):
             self._set_clock()
         elif isinstance(fault, Kill) and event[TIME] == fault.at_ns:
-            self._die()
+            self._die(fault)
 
     def _note_time(self, event: Event) -> None:
         self._last = max(self._last, event)
@@ -280,8 +290,11 @@ class Node:
         for count, (_, timer) in list(self._timers.items()):
             self._arm_timer(count, timer)
 
-    def _die(self) -> None:
+    def _die(self, kill: Kill) -> None:
         self.finish()
+        if kill.keep_state:
+            self.saved = msgpack.packb(self.agent.save())
+            self.journal.events.append({"event": "state", "state": self.saved.hex()})
         self.journal.events.append({"event": "killed", "time_ns": self.now_ns})
         self.dead = True
 

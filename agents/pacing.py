@@ -9,10 +9,11 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from heapq import heappop
 
 from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, RANK, SOURCE, TIME, TRANSMIT, Event
-from ..transport.faults import Fault, LinkFault
+from ..transport.faults import Fault, Kill, LinkFault, kills_of
 from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
 from ..transport.media import AIR
 from ..transport.promises import Horizon, lookahead_segments
@@ -33,6 +34,20 @@ _NOBODY = ""
 Write = Callable[[str, Message], None]
 Guard = Callable[[Callable[[], None]], Callable[[], None]]
 """Makes a function report what it raises."""
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """What an agent is told of the run that it joins.
+
+    epoch_ns: where nominal time 0 is on the monotonic clock. end_ns: nominal end. interventions: how often somebody has
+    intervened so far. gone: lives that ended from outside.
+    """
+
+    epoch_ns: int
+    end_ns: int
+    interventions: int = 0
+    gone: tuple[tuple[str, int], ...] = ()
 
 
 class Mailbox:
@@ -85,11 +100,11 @@ class Realtime:
         self._timer = TimerFd(loop, guard(self.advance))
         self._armed_ns = 0
 
-    def begin(self, node: Node, epoch_ns: int) -> None:
-        """Start the clock: nominal time 0 is at `epoch_ns` on the monotonic clock."""
+    def begin(self, node: Node, beginning: Beginning) -> None:
+        """Start the clock."""
         self._node = node
-        self._epoch_ns = epoch_ns
-        self._end_ns = node.plan.duration_ns
+        self._epoch_ns = beginning.epoch_ns
+        self._end_ns = beginning.end_ns
         self._ahead_ns = int(_AHEAD_NS * self._speed)
         self._early_ns = min(node.compute_ns, self._ahead_ns)
         self.advance()
@@ -192,6 +207,9 @@ class Realtime:
     def release(self) -> None:
         """Nothing was held."""
 
+    def gone(self, agent: str, incarnation: int) -> None:
+        """Nobody waits for a neighbour here."""
+
     def close(self) -> None:
         """Stop the timer."""
         self._timer.close()
@@ -210,20 +228,38 @@ class Lockstep:
         self._blocking = {_NOBODY}
         self._wake = guard(self.advance)
 
-    def begin(self, node: Node, _epoch_ns: int) -> None:
-        """Make the first promises."""
+    def begin(self, node: Node, beginning: Beginning) -> None:
+        """Make the first promises; the node knows the live faults so far."""
         self._node = node
-        self._end_ns = node.plan.duration_ns
-        self._faults = {fault.id: fault for fault in node.plan.faults}
+        self._end_ns = beginning.end_ns
         self._told = dict.fromkeys(node.sending.outlets, 0)
         self._on_air = [source for source in node.neighbours if node.sending.outlet_of[source] == AIR]
-        self._horizon = Horizon(node.name, {source: self._segments(source) for source in node.neighbours})
+        segments = {source: self._segments(source) for source in node.neighbours}
+        self._horizon = Horizon(node.name, segments, beginning.interventions, newborn=node.incarnation > 0)
+        for source in node.neighbours:
+            self._expect(source)
+            if node.incarnation and any(kill.in_force(node.start_ns) for kill in self._kills(source)):
+                self._horizon.down(source)
+        for source, incarnation in beginning.gone:
+            self._horizon.gone(source, incarnation)
         self.advance()
 
     def _segments(self, source: str) -> tuple[tuple[int, int, int], ...]:
         link = (source, self._node.name)
-        faults = [fault for fault in self._faults.values() if isinstance(fault, LinkFault)]
+        faults = [fault for fault in self._node.known.values() if isinstance(fault, LinkFault)]
         return lookahead_segments(self._node.plan.links[link], link, faults)
+
+    def _kills(self, source: str) -> list[Kill]:
+        return kills_of(self._node.known.values(), source)
+
+    def _expect(self, source: str) -> None:
+        """Nothing from the return of a neighbour on is safe before it is heard of, if it returns in the own life."""
+        returns = [
+            (life, kill.until_ns)
+            for life, kill in enumerate(self._kills(source), start=1)
+            if kill.until_ns is not None and kill.until_ns >= self._node.start_ns
+        ]
+        self._horizon.expect(source, returns)
 
     def now_ns(self) -> int:
         """Nominal time of the last event."""
@@ -235,10 +271,12 @@ class Lockstep:
 
     def _promise(self, outlets: list[str]) -> dict[str, int]:
         """New promises, never behind what was told; but for the one for ever, none reaches past the end of the run."""
-        promises = self._node.promises(outlets, self._horizon.safe_ns())
+        promises = self._node.promises(outlets, max(self._horizon.safe_ns(), self._node.start_ns))
         for outlet, promise_ns in promises.items():
             if promise_ns < FOREVER_NS:
                 promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
+            else:
+                promises[outlet] = self._horizon.forever_ns()
             self._told[outlet] = promises[outlet]
         return promises
 
@@ -258,13 +296,25 @@ class Lockstep:
         """
         while not self._held:
             for source, frame in self.mail.take():
-                self._horizon.heard(source, frame)
-                if frame.sequence != PROMISE_ONLY:
-                    self._node.receive(source, frame)
+                self._take(source, frame)
             self._handle_safe()
             self._blocking = self._unheard() or self._horizon.blocking()
             if not self.mail:
                 return
+
+    def _take(self, source: str, frame: Message) -> None:
+        """Take in what a neighbour says; one that has come back is told at once what holds."""
+        back = frame.incarnation > 0 and not self._horizon.knows(source, frame.incarnation)
+        if not self._horizon.heard(source, frame):
+            return
+        if frame.sequence != PROMISE_ONLY:
+            self._node.receive(source, frame)
+        if back:
+            self._say(self._node.sending.outlet_of[source])
+
+    def _say(self, outlet: str) -> None:
+        say = air_promise if outlet == AIR else promise
+        self._write(outlet, say(self._node.incarnation, self._told[outlet], self._node.sending.sent[outlet]))
 
     def _handle_safe(self) -> None:
         node, heap = self._node, self._node.heap
@@ -276,8 +326,7 @@ class Lockstep:
         told = dict(self._told)
         for outlet, promise_ns in self._promise(list(told)).items():
             if promise_ns > told[outlet]:
-                say = air_promise if outlet == AIR else promise
-                self._write(outlet, say(node.incarnation, promise_ns, node.sending.sent[outlet]))
+                self._say(outlet)
         if node.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
             self._done()
 
@@ -308,10 +357,19 @@ class Lockstep:
         """Arm a live fault while held; its instant lies beyond every promise."""
         in_time = instant_ns > self._node.now_ns
         self._node.arm(fault)
-        self._faults[fault.id] = fault
+        self._horizon.intervene(instant_ns)
+        for outlet, told in self._told.items():
+            if told >= FOREVER_NS:
+                self._told[outlet] = instant_ns
         for source in self._node.neighbours:
             self._horizon.relink(source, self._segments(source))
+            self._expect(source)
         return in_time
+
+    def gone(self, agent: str, incarnation: int) -> None:
+        """A life ended from outside: nothing of it that has not come yet counts."""
+        self._horizon.gone(agent, incarnation)
+        self.advance()
 
     def close(self) -> None:
         """Nothing to give back."""

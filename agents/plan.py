@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..topologies import Span
-from ..transport.faults import Fault, Kill, LinkName
+from ..transport.faults import Fault, Kill, LinkName, kills_of
 from ..transport.links import LinkSettings
 from .sensing import measured
 
@@ -81,8 +81,7 @@ class Plan:
 
     def kills(self, agent: str) -> list[Kill]:
         """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""
-        kills = [fault for fault in self.faults if isinstance(fault, Kill) and fault.agent == agent]
-        return sorted(kills, key=lambda kill: kill.at_ns)
+        return kills_of(self.faults, agent)
 
     def present(self, name: str, time_ns: int) -> tuple[str, ...]:
         """The neighbours that an agent has at an instant, in natural order."""

@@ -29,13 +29,15 @@ from ..transport.frames import DamagedFrame, Message, air_promise, decode, encod
 from ..transport.keys import Keys
 from ..transport.media import AIR, on_air
 from .node import Node
-from .pacing import Lockstep, Realtime
+from .pacing import Beginning, Lockstep, Realtime
 from .plan import Plan
 
 FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
 _REHEARSAL_NS = 200_000_000
 _ORDERS_LIMIT = 1_000
+_OF_LIFE = {"arm", "gone", "hold", "release", "end"}
+"""Orders that mean nothing to a process on standby: it is told all when it comes to life."""
 Pace = Literal["realtime", "lockstep"]
 
 
@@ -172,11 +174,14 @@ class _Shell:
             "rehearse": self._rehearse,
             "start": self._start,
             "arm": self._arm,
+            "gone": self._gone,
             "hold": self._pacer.hold,
             "release": self._pacer.release,
             "end": self._end,
             "stop": self._stop,
         }
+        if self._node is None and do in _OF_LIFE:
+            return 0
         return orders[do](**order)
 
     def _rehearse(self) -> bool:
@@ -199,14 +204,20 @@ class _Shell:
             fabric.run(heap, _REHEARSAL_NS)
         return True
 
-    def _start(self, epoch_ns: int, start_ns: int, faults: list[Any]) -> bool:
-        """Come to life at `start_ns`; nominal time 0 is at `epoch_ns` on the monotonic clock."""
+    def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, beginning: dict[str, Any]) -> bool:
+        """Come to life at `start_ns`, with the live faults so far and what the last life has left."""
         it = self._it
-        node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns)
+        node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
         for fault in faults:
             node.arm(from_plain(fault))
         self._node = node
-        self._pacer.begin(node, epoch_ns)
+        gone = tuple((name, incarnation) for name, incarnation in beginning.pop("gone"))
+        self._pacer.begin(node, Beginning(gone=gone, **beginning))
+        return True
+
+    def _gone(self, agent: str, incarnation: int) -> bool:
+        """The life of another agent ended from outside."""
+        self._pacer.gone(agent, incarnation)
         return True
 
     def _arm(self, fault: Any, instant_ns: int) -> bool:

@@ -57,8 +57,6 @@ class Injector:
             if fault.changes == {"cut": True} and (cut := self._already_cut(fault)):
                 raise BadInput(f"already cut: {', '.join('>'.join(link) for link in cut)}; nothing was changed")
             return
-        if self._swarm.pace == "lockstep" and isinstance(fault, Kill):
-            raise BadInput("kills need realtime pace: in lockstep a dead agent promises nothing")
         if not self._swarm.is_alive(fault.agent):
             raise BadInput(f"agent {fault.agent} is not alive; `volery fault restart {fault.agent}` brings it back")
         if isinstance(fault, Pause) and any(
@@ -107,6 +105,7 @@ class Injector:
         return fault
 
     async def _tell(self, fault: Fault, instant_ns: int) -> bool:
+        self._swarm.interventions += self._swarm.pace == "lockstep"
         answers = await self._swarm.order({"do": "arm", "fault": to_plain(fault), "instant_ns": instant_ns})
         return all(answers.values())
 
@@ -158,18 +157,21 @@ class Injector:
 
     async def _end(self, fault: Fault) -> None:
         swarm = self._swarm
-        if isinstance(fault, Kill):
-            key = await swarm.standby(fault.agent)
-            until_ns = swarm.ahead_ns(_AHEAD_S)
+        key = await swarm.standby(fault.agent) if isinstance(fault, Kill) else None
+        if swarm.pace == "lockstep":
+            until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
             ended: Fault = replace(fault, until_ns=until_ns)
-            await swarm.revive(key, until_ns)
+            await self._tell(ended, until_ns)
+            self._faults[fault.id] = ended
+            if key is not None and isinstance(ended, Kill):
+                await swarm.revive(key, ended, until_ns)
+            await swarm.order({"do": "release"})
+        elif key is not None and isinstance(fault, Kill):
+            until_ns = swarm.ahead_ns(_AHEAD_S)
+            ended = replace(fault, until_ns=until_ns)
+            await swarm.revive(key, ended, until_ns)
             if swarm.now_ns() > until_ns:
                 self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
-        elif swarm.pace == "lockstep":
-            until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
-            ended = replace(fault, until_ns=until_ns)
-            await self._tell(ended, until_ns)
-            await swarm.order({"do": "release"})
         else:
             until_ns = swarm.ahead_ns(_AHEAD_S)
             ended = replace(fault, until_ns=until_ns)

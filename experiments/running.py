@@ -81,7 +81,6 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
         RunFailed: the swarm could not be started.
     """
     plan = compile_plan(scenario)
-    _check_pace(plan, options)
     folder = _new_folder(options, scenario.name)
     (folder / SCENARIO_FILE).write_text(resolved_yaml(scenario), "utf-8")
     info = _info(options)
@@ -105,13 +104,6 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
     if options.figures:
         plot(folder)
     return Outcome(folder, metrics, ending.problems, ending.wall_s)
-
-
-def _check_pace(plan: Plan, options: Options) -> None:
-    if (options.engine, options.pace) == ("zenoh", "lockstep") and any(plan.kills(agent.name) for agent in plan.agents):
-        raise BadInput(
-            "this scenario kills agents, which needs realtime pace or --engine twin: a dead agent promises nothing"
-        )
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

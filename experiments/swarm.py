@@ -38,6 +38,8 @@ _STOP_AHEAD_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
 _STANDBY_S = 2.0
 _OVERDUE_S = 20.0
+_LOOK_EVERY_S = 0.5
+_STOPPED_S = 2.0
 _TELEMETRY_LIMIT = 1_000_000
 
 
@@ -49,8 +51,9 @@ class _Member:
     joined: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
     done: bool = False
-    kill_expected: bool = False
+    stopped_from_outside: bool = False
     batches: int = 0
+    state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,7 @@ class Swarm:
         }
         self.session: zs.Session
         self.live_faults: dict[str, Fault] = {}
+        self.interventions = 0
         self.ready = asyncio.Event()
         self._sink = sink
         self._keys = Keys(run)
@@ -105,6 +109,8 @@ class Swarm:
         self._end_ns = plan.duration_ns
         self._living: dict[str, int] = {}
         self._restarts_due: dict[str, int] = {}
+        self._kills_expected: set[tuple[str, int]] = set()
+        self._gone: set[tuple[str, int]] = set()
 
     async def run(self) -> Ending:
         """The whole life of the swarm; however it ends, no process and no session is left behind.
@@ -151,14 +157,26 @@ class Swarm:
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.agents)
         self._epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self._sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
-        await self.order({"do": "start", "epoch_ns": self._epoch_ns, "start_ns": 0, "faults": []})
+        await self.order(self._start_order(0))
         self.ready.set()
         for agent in self.plan.agents:
             for incarnation, kill in enumerate(self.plan.kills(agent.name), start=1):
-                self._members[agent.name, incarnation - 1].kill_expected = True
+                self._kills_expected.add((agent.name, incarnation - 1))
                 if kill.until_ns is not None:
                     self._restart_later(kill, incarnation)
         self._background(self._watch_the_end())
+        self._background(self._watch_for_stopped())
+
+    def _start_order(self, start_ns: int, saved: bytes | None = None) -> dict[str, Any]:
+        """Come to life at an instant, in the run as it is now."""
+        beginning = {
+            "epoch_ns": self._epoch_ns,
+            "end_ns": self._end_ns,
+            "interventions": self.interventions,
+            "gone": sorted(self._gone),
+        }
+        faults = [to_plain(fault) for fault in self.live_faults.values()]
+        return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "beginning": beginning}
 
     def _spawn(self, name: str, incarnation: int) -> _Member:
         assignment = Assignment(
@@ -184,7 +202,14 @@ class Swarm:
     def _background(self, work: Coroutine[Any, Any, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(self._background_ended)
+
+    def _background_ended(self, task: asyncio.Task[None]) -> None:
+        """What goes wrong in the background ends the run, and is told."""
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._problems.append(str(error) or repr(error))
+            self._over.set()
 
     # -- orders to agents ---------------------------------------------------------------------------------------
 
@@ -210,7 +235,7 @@ class Swarm:
 
     def expect_kill(self, name: str) -> None:
         """The next death of this agent is meant."""
-        self._members[self.current(name)].kill_expected = True
+        self._kills_expected.add(self.current(name))
 
     def current(self, name: str) -> tuple[str, int]:
         """The newest incarnation of an agent."""
@@ -239,14 +264,18 @@ class Swarm:
     async def _prepare(self, key: tuple[str, int]) -> None:
         self._spawn(*key)
         await self._joined([key])
-        await self.order({"do": "rehearse"}, *key)
+        if self.pace == "realtime":
+            await self.order({"do": "rehearse"}, *key)
 
-    async def revive(self, key: tuple[str, int], start_ns: int) -> None:
-        """Let a process on standby live from an instant on, with the live faults that its links are under."""
+    async def revive(self, key: tuple[str, int], kill: Kill, start_ns: int) -> None:
+        """Let a process on standby live from an instant on, the end of a kill, with what that has kept."""
         name, incarnation = key
-        faults = [to_plain(fault) for fault in self.live_faults.values() if not isinstance(fault, Kill)]
-        order = {"do": "start", "epoch_ns": self._epoch_ns, "start_ns": start_ns, "faults": faults}
-        await self.order(order, name, incarnation)
+        saved = None
+        if kill.keep_state:
+            async with asyncio.timeout(_ANSWER_TIMEOUT_S):
+                saved = await self._members[name, incarnation - 1].state
+        await self.order(self._start_order(start_ns, saved), name, incarnation)
+        self._restarts_due.pop(name, None)
         self._lives(name, incarnation)
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
@@ -257,13 +286,18 @@ class Swarm:
     def _restart_later(self, kill: Kill, incarnation: int) -> None:
         if kill.until_ns is not None and kill.until_ns < self._end_ns:
             self._restarts_due[kill.agent] = kill.until_ns
-            self._background(self._restart_at(kill.agent, kill.until_ns, incarnation))
+            self._background(self._restart_at(kill, kill.until_ns, incarnation))
 
-    async def _restart_at(self, name: str, until_ns: int, incarnation: int) -> None:
-        await asyncio.sleep(max(0.0, (until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
-        key = (name, incarnation)
-        await self._prepare(key)
-        await self.revive(key, until_ns)
+    async def _restart_at(self, kill: Kill, until_ns: int, incarnation: int) -> None:
+        """In realtime pace the process stands by beforehand; in lockstep everybody waits for it."""
+        key = (kill.agent, incarnation)
+        if self.pace == "realtime":
+            await asyncio.sleep(max(0.0, (until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
+        else:
+            await self._members[kill.agent, incarnation - 1].ended.wait()
+        if (kill.agent, incarnation - 1) not in self._gone:
+            await self._prepare(key)
+            await self.revive(key, kill, until_ns)
 
     async def stop(self) -> None:
         """End the run early, at one nominal instant for all."""
@@ -297,6 +331,8 @@ class Swarm:
         for event in batch.events:
             if event["event"] == "done":
                 member.done = True
+            elif event["event"] == "state":
+                member.state.set_result(bytes.fromhex(event["state"]))
             elif event["event"] == "crashed":
                 self._problems.append(f"agent {batch.agent} failed: {event['error']}")
         self.status.take(batch, min(now_ns, self._end_ns))
@@ -321,20 +357,33 @@ class Swarm:
             self.status.alive.discard(name)
         told_to_go = member.done or self._over.is_set()
         if not (told_to_go and member.process.exitcode == 0):
-            cause = "injected" if member.kill_expected else _cause(member.process.exitcode)
-            self._sink.event(
-                {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
-            )
-            if cause != "injected" and self.pace == "lockstep":
-                self._problems.append(f"agent {name} {cause}: lockstep pace cannot go on without its promises")
-                self._over.set()
-            elif cause.startswith("ended"):
-                self._problems.append(f"agent {name} {cause}")
+            self._died(name, incarnation, member)
         self._check_over()
+
+    def _died(self, name: str, incarnation: int, member: _Member) -> None:
+        """By a fault, or from outside: then nobody waits for it any more, and what has not come of it never does."""
+        injected = (name, incarnation) in self._kills_expected and not member.stopped_from_outside
+        cause = "injected" if injected else _cause(member)
+        self._sink.event(
+            {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
+        )
+        if injected:
+            return
+        self._gone.add((name, incarnation))
+        self._restarts_due.pop(name, None)
+        if cause.startswith("ended"):
+            self._problems.append(f"agent {name} {cause}")
+        if self.pace == "lockstep" and cause.startswith("ended"):
+            self._over.set()
+        elif self.pace == "lockstep" and self.ready.is_set():
+            self._background(self._tell_gone(name, incarnation))
+
+    async def _tell_gone(self, name: str, incarnation: int) -> None:
+        await self.order({"do": "gone", "agent": name, "incarnation": incarnation})
 
     def _check_over(self) -> None:
         newest = {name: self._members[self.current(name)] for name, _ in self._members}
-        to_come = [until_ns for until_ns in self._restarts_due.values() if self.now_ns() < until_ns < self._end_ns]
+        to_come = [until_ns for until_ns in self._restarts_due.values() if until_ns < self._end_ns]
         if all(member.done or member.ended.is_set() for member in newest.values()) and not to_come:
             self._over.set()
 
@@ -350,6 +399,19 @@ class Swarm:
                 self._over.set()
                 return
             await asyncio.sleep(1.0)
+
+    async def _watch_for_stopped(self) -> None:
+        """A process that is stopped from outside for a while counts as dead."""
+        since: dict[int, float] = {}
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            for member in list(self._members.values()):
+                pid = member.process.pid
+                if pid is None or member.ended.is_set() or not _is_stopped(pid):
+                    since.pop(pid or 0, None)
+                elif time.monotonic() - since.setdefault(pid, time.monotonic()) > _STOPPED_S:
+                    member.stopped_from_outside = True
+                    member.process.kill()
 
     # -- ending -------------------------------------------------------------------------------------------------
 
@@ -386,5 +448,16 @@ async def _first(*events: asyncio.Event) -> None:
         wait.cancel()
 
 
-def _cause(exit_code: int | None) -> str:
+def _is_stopped(pid: int) -> bool:
+    """Whether a signal has stopped a process: state T in /proc, after the name in brackets."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "T"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def _cause(member: _Member) -> str:
+    if member.stopped_from_outside:
+        return "was stopped from outside"
+    exit_code = member.process.exitcode
     return "was killed from outside" if exit_code is not None and exit_code < 0 else f"ended with exit code {exit_code}"

@@ -58,9 +58,9 @@ class Twin:
     def _restart_at(self, time_ns: int, fault: str, name: str, incarnation: int) -> None:
         heappush(self.heap, (time_ns, FAULT, fault, _RESTART, 0, self._order[name], self._restart, (name, incarnation)))
 
-    def _node(self, name: str, incarnation: int, start_ns: int) -> Node:
+    def _node(self, name: str, incarnation: int, start_ns: int, saved: bytes | None = None) -> Node:
         index = self._order[name] + incarnation * len(self._order)
-        return Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index)
+        return Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
 
     def _carry(self, source: str) -> Put:
         def put(outlet: str, message: Message) -> None:
@@ -80,8 +80,10 @@ class Twin:
 
     def _restart(self, event: Event) -> None:
         name, incarnation = event[DATA]
-        self._dead.append(self.nodes[name])
-        self.nodes[name] = self._node(name, incarnation, event[TIME])
+        dead = self.nodes[name]
+        self._dead.append(dead)
+        keeps = self._plan.kills(name)[incarnation - 1].keep_state
+        self.nodes[name] = self._node(name, incarnation, event[TIME], dead.saved if keeps else None)
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[TIME]})
 
     def run(self, go_on: Callable[[int], bool] | None = None) -> int:

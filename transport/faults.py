@@ -115,6 +115,12 @@ def in_force(faults: Iterable[Fault], now_ns: int) -> dict[str, Fault]:
     return {fault.id: fault for fault in faults if fault.in_force(now_ns)}
 
 
+def kills_of(faults: Iterable[Fault], agent: str) -> list[Kill]:
+    """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""
+    kills = [fault for fault in faults if isinstance(fault, Kill) and fault.agent == agent]
+    return sorted(kills, key=lambda kill: kill.at_ns)
+
+
 def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], now_ns: int) -> LinkSettings:
     """The settings of a link at an instant: its own, changed by the faults in force, the later start on top."""
     touching = [fault for fault in faults if link in fault.links and fault.in_force(now_ns)]

@@ -37,43 +37,114 @@ def lookahead_segments(base: LinkSettings, link: LinkName, faults: Iterable[Link
 
 def earliest_due(promise_ns: int, segments: tuple[Segment, ...]) -> int:
     """When a frame that starts at `promise_ns` or later can be due at the earliest."""
+    if promise_ns >= FOREVER_NS:
+        return FOREVER_NS
     return min(max(promise_ns, start) + ahead for start, end, ahead in segments if end > promise_ns)
 
 
 class Horizon:
-    """What the neighbours of one agent have promised."""
+    """What the neighbours of one agent have promised, and who of them is down.
 
-    def __init__(self, name: str, segments: Mapping[str, tuple[Segment, ...]]) -> None:
+    A neighbour that is down until R starts nothing before, but what is meant for its next life must not be put before
+    that has come: until it is heard of, nothing from R on is safe.
+
+    Args:
+        name: the agent.
+        segments: neighbour → lookahead of the link from it over time.
+        interventions: how often somebody has intervened in the run so far.
+        newborn: it comes to life in a swarm that runs already, where the first message of each neighbour says how many
+            frames came before.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        segments: Mapping[str, tuple[Segment, ...]],
+        interventions: int = 0,
+        *,
+        newborn: bool = False,
+    ) -> None:
         self._name = name
+        self.interventions = interventions
         self._segments = dict(segments)
         self._promises = dict.fromkeys(segments, 0)
-        self._received = dict.fromkeys(segments, 0)
+        self._received: dict[str, int | None] = dict.fromkeys(segments, None if newborn else 0)
+        self._lives: dict[str, int | None] = dict.fromkeys(segments, None if newborn else 0)
+        self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
+        self._gone: dict[str, int] = {}
 
-    def heard(self, source: str, frame: Message) -> None:
-        """Take note of a frame or promise.
+    def heard(self, source: str, message: Message) -> bool:
+        """Take note of a frame or promise; False for one of a life that is over, which counts for nothing.
 
         Raises:
             FrameMissing: the sender has put more frames than have come.
         """
-        if frame.sequence >= 0:
-            self._received[source] += 1
-        if self._received[source] != frame.sent:
-            raise FrameMissing(
-                f"agent {self._name}: {source} has sent {frame.sent} frames, {self._received[source]} have come"
-            )
-        if frame.promise_ns is not None:
-            self._promises[source] = max(self._promises[source], frame.promise_ns)
+        known = self._lives[source]
+        if message.incarnation <= self._gone.get(source, -1) or message.incarnation < (known or 0):
+            return False
+        if message.incarnation != known:
+            self._received[source] = None if known is None else 0
+            self._lives[source] = message.incarnation
+            self._promises[source] = 0
+        received = self._received[source]
+        if received is None:
+            received = message.sent
+        elif message.sequence >= 0:
+            received += 1
+        self._received[source] = received
+        if received != message.sent:
+            raise FrameMissing(f"link {source}>{self._name}: {message.sent} frames were sent, {received} have come")
+        if message.promise_ns is not None and self._holds(message.promise_ns):
+            self._promises[source] = max(self._promises[source], message.promise_ns)
+        return True
+
+    def _holds(self, promise_ns: int) -> bool:
+        """Whether a promise still holds: one for ever does until somebody intervenes."""
+        return promise_ns < FOREVER_NS or promise_ns - FOREVER_NS >= self.interventions
+
+    def forever_ns(self) -> int:
+        """The promise for ever, which says how often somebody had intervened when it was given."""
+        return FOREVER_NS + self.interventions
+
+    def knows(self, source: str, incarnation: int) -> bool:
+        """Whether this life of a neighbour has been heard of."""
+        known = self._lives[source]
+        return known is not None and known >= incarnation
 
     def relink(self, source: str, segments: tuple[Segment, ...]) -> None:
         """A live fault changes the lookahead of a link from an instant that nobody has passed."""
         self._segments[source] = segments
 
+    def expect(self, source: str, returns: list[tuple[int, int]]) -> None:
+        """A neighbour comes back: (life, from when on), for each of its restarts."""
+        self._returns[source] = returns
+
+    def down(self, source: str) -> None:
+        """A neighbour is down: it starts nothing until it comes back as expected."""
+        self._promises[source] = self.forever_ns()
+
+    def gone(self, source: str, incarnation: int) -> None:
+        """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more."""
+        if source in self._promises:
+            self._gone[source] = incarnation
+            self._promises[source] = 2 * FOREVER_NS
+            self._returns[source] = []
+
+    def intervene(self, instant_ns: int) -> None:
+        """Somebody intervenes at an instant that nobody has passed: promises for ever hold until then only."""
+        self.interventions += 1
+        for source, promise_ns in self._promises.items():
+            if promise_ns >= FOREVER_NS and source not in self._gone:
+                self._promises[source] = instant_ns
+
+    def _bound(self, source: str) -> int:
+        due_ns = earliest_due(self._promises[source], self._segments[source])
+        returns = (from_ns for life, from_ns in self._returns[source] if not self.knows(source, life))
+        return min([due_ns, *returns])
+
     def safe_ns(self) -> int:
         """Every frame due before this instant is here."""
-        return min(
-            (earliest_due(promise, self._segments[source]) for source, promise in self._promises.items()),
-            default=FOREVER_NS,
-        )
+        return min([FOREVER_NS, *(self._bound(source) for source in self._promises)])
 
     def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
         """Those of the sources that may still start something before an instant."""
@@ -82,8 +153,4 @@ class Horizon:
     def blocking(self) -> set[str]:
         """The neighbours that must be heard, every one of them, before `safe_ns` can grow."""
         safe = self.safe_ns()
-        return {
-            source
-            for source, promise in self._promises.items()
-            if earliest_due(promise, self._segments[source]) == safe
-        }
+        return {source for source in self._promises if self._bound(source) == safe}

@@ -99,5 +99,5 @@ def test_a_gap_is_noticed(gap: Frame) -> None:
     horizon = Horizon("2", {"1": lookahead_segments(BASE, LINK, [])})
     if gap.sequence != 1:
         horizon.heard("1", sent(0, 3))
-    with pytest.raises(FrameMissing, match=rf"agent 2: 1 has sent {gap.sent} frames, {gap.sent - 1} have come"):
+    with pytest.raises(FrameMissing, match=rf"link 1>2: {gap.sent} frames were sent, {gap.sent - 1} have come"):
         horizon.heard("1", gap)

@@ -58,6 +58,14 @@ class Talker(Agent):
         time_ns = period_ns(self.parameters.rate, count) + self.parameters.phase_ns
         self.context.set_timer(time_ns, index=count)
 
+    def save(self) -> Any:
+        """The sum, and how much was told."""
+        return [self.sum, self._told]
+
+    def restore(self, state: Any) -> None:
+        """Go on with the sum, and with the lengths where they were."""
+        self.sum, self._told = state
+
     def note(self, *seen: object) -> None:
         """Take something in."""
         self.sum = crc32(repr((self.sum, seen)).encode())
