@@ -99,8 +99,8 @@ PRESETS: Mapping[PresetName, Preset] = {
             "latency": "1 km at 1500 m/s, a round number for the speed of sound in sea water: write your own distance",
         },
         "acoustic modems a kilometre apart",
-        "Overhead and largest frame, which differ between modems; multipath; distances that differ between links. Whether "
-        "frames collide is decided by when they are sent, not by when their sound arrives.",
+        "Overhead and largest frame, which differ between modems; multipath; distances that differ between links. "
+        "Whether frames collide is decided by when they are sent, not by when their sound arrives.",
     ),
 }
 
