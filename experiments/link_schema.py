@@ -20,6 +20,7 @@ from ..transport.losses import LOSSES, Loss
 from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, SlottedAloha, Tdma
 from ..units import BitsPerSecond, Bytes
 from .explaining import did_you_mean, explain, schema_fields
+from .presets import PRESET, PresetName, with_preset
 from .reading import describe
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -177,11 +178,15 @@ def read_words(value: Any) -> tuple[str, ...]:
 LinkWords = Annotated[tuple[str, ...], Reader(read_words, str | int | list[str | int])]
 
 
-class _OnlyFields(LinkFields, total=False):
+class _PresetFields(LinkFields, total=False):
+    preset: PresetName
+
+
+class _OnlyFields(_PresetFields, total=False):
     where: Required[LinkWords]
 
 
-class LinksFields(LinkFields, total=False):
+class LinksFields(_PresetFields, total=False):
     """The scenario's `links:`, settings of all links and, under `only`, what differs on some."""
 
     only: list[_OnlyFields]
@@ -209,8 +214,13 @@ _LINK_FIELDS: TypeAdapter[Any] = TypeAdapter(LinkFields)
 
 def read_links(value: Any) -> Links:
     """The scenario's `links:` mapping."""
-    given = validated(_LINKS, value)
+    written = with_preset(value)
+    if isinstance(written, dict) and isinstance(written.get("only"), list):
+        written = {**written, "only": [with_preset(entry) for entry in written["only"]]}
+    given = validated(_LINKS, written)
     only = given.pop("only", ())
+    for fields_given in (given, *only):
+        fields_given.pop(PRESET, None)
     return Links(LinkSettings(**given), tuple(LinkOverride(entry.pop("where"), entry) for entry in only))
 
 

@@ -119,8 +119,19 @@ def test_each_setting_has_its_row(volery: Volery, setting: str, label: str, text
     assert rows(volery(*words, "--set", setting).out)[label] == [[text]]
 
 
+def test_presets_are_shown_with_their_sources(volery: Volery) -> None:
+    """Every field of every preset with where it is from, in tables and as JSON."""
+    presets = json.loads(volery("links", "--presets", "--json").out)
+    text = " ".join(volery("links", "--presets").out.replace("│", " ").split())
+    assert len(presets) >= 4
+    for name, preset in presets.items():
+        assert f"{name}: {preset['about']}" in text
+        assert preset["sources"].keys() == preset["links"].keys() <= set(text.split())
+
+
 def test_bad_input(volery: Volery) -> None:
     """A scenario that is none, or cannot be."""
     assert volery("links", "nothing-here").code == 2
+    assert volery("links").code == 2
     Path("bad.yaml").write_text("name: bad\n", encoding="utf-8")
     assert volery("links", "bad.yaml").code == 2
