@@ -101,6 +101,14 @@ class Beacon(Agent):
             due_ns = phase_ns + period_ns(parameters.rate, first_period(parameters.rate, max(0, from_ns - phase_ns)))
         self.context.set_timer(due_ns, _SEND, index)
 
+    def save(self) -> int:
+        """The number of payloads received so far."""
+        return self._received
+
+    def restore(self, state: Any) -> None:
+        """Count on from there."""
+        self._received = state
+
     @classmethod
     def largest_payload(cls, parameters: Any) -> int:
         """The one size."""

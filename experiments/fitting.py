@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from ..agents import registry
 from ..agents.plan import Plan
-from ..transport.faults import LinkFault, LinkName, effective
+from ..transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ..transport.links import LinkSettings
 from ..transport.media import EDGE_SLOTS, Aloha, HalfDuplex, on_air
 from .reading import Loc, Problem
@@ -22,9 +22,22 @@ def misfits(plan: Plan) -> Iterator[Problem]:
     for kind in sorted({agent.kind for agent in plan.agents}):
         for text in registry.find(kind).problems(plan):
             yield Problem(("agents",), text)
+    for number, fault in enumerate(plan.faults):
+        if (forgetting := forgets(plan, fault)) is not None:
+            yield Problem(("faults", number, "keep_state"), forgetting)
     for loc, text, links in (*_link_misfits(plan), *_radio_misfits(plan)):
         more = f" and {len(links) - 1} more" if len(links) > 1 else ""
         yield Problem(loc, f"{text} (link {'>'.join(links[0])}{more})")
+
+
+def forgets(plan: Plan, fault: Fault) -> str | None:
+    """Why the state that a kill is to keep cannot be kept; None where nothing stands against it."""
+    if not isinstance(fault, Kill) or not fault.keep_state:
+        return None
+    kind = plan.agent(fault.agent).kind
+    if registry.find(kind).keeps_state():
+        return None
+    return f"agents of kind {kind} keep no state: their class does not override save and restore"
 
 
 def settings_problems(

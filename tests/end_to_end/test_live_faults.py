@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,9 +14,11 @@ from volery.experiments.accounting import account
 from volery.experiments.live import Injector
 from volery.experiments.swarm import Swarm
 from volery.experiments.verify import compare, replay
+from volery.transport.faults import Kill
 
 from .conftest import run_swarm, until
 
+MS = 1_000_000
 PlanOf = Callable[..., Plan]
 
 
@@ -85,6 +88,44 @@ def test_kill_and_restart_in_realtime(plan_of: PlanOf) -> None:
     assert min(estimate.time_ns for estimate in record.batches["5", 1].estimates) > restarted
 
 
+def test_kills_and_restarts_in_lockstep(plan_of: PlanOf) -> None:
+    """A kill with an end, one without that is ended live, and one of the timeline: the replay equals the record."""
+    overrides = ("duration=600 s", "faults=[{at: 300 ms, for: 400 ms, kill: 7}, {at: 1 s, for: 300 ms, pause: 2}]")
+    plan = plan_of("dfa16-lossy", *overrides)
+
+    async def meddle(swarm: Swarm, injector: Injector) -> None:
+        await injector.inject({"kill": "5", "for": "500 ms"})
+        await injector.inject({"kill": "9"})
+        await until(lambda: not swarm.is_alive("9"))
+        await injector.inject({"where": "all", "set": {"loss": {"bernoulli": 0.5}}, "for": "500 ms"})
+        await a_while(swarm)
+        await injector.restart("9")
+        await until(lambda: {"5", "7", "9"} <= swarm.status.alive)
+        await a_while(swarm)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", meddle)
+    assert ending.problems == ()
+    restarted = {event["agent"] for event in record.events if event["event"] == "restarted"}
+    assert restarted == {"5", "7", "9"}
+    assert all(record.batches[agent, 1].estimates for agent in restarted)
+    assert all(link.closes for link in account(record).values())
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_a_restart_that_keeps_the_state(plan_of: PlanOf) -> None:
+    """What an agent saves at its death its next life has, over Zenoh as in the twin; without it, it begins anew."""
+    kills = (Kill("t1", 2500 * MS, 2700 * MS, "2", keep_state=True), Kill("t2", 2500 * MS, 2700 * MS, "3"))
+    plan = replace(plan_of("beacons", "duration=4 s", "links.loss=0"), faults=kills)
+    record, ending = run_swarm(plan, "lockstep")
+    assert ending.problems == ()
+    first = {agent: record.batches[agent, 0].estimates[-1].value[0] for agent in ("2", "3")}
+    later = {agent: record.batches[agent, 1].estimates[0].value[0] for agent in ("2", "3")}
+    assert later["2"] > first["2"]
+    assert later["3"] < first["3"]
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
 @pytest.mark.parametrize(
     ("written", "message"),
     [
@@ -92,7 +133,6 @@ def test_kill_and_restart_in_realtime(plan_of: PlanOf) -> None:
         ({"kill": "99"}, "99"),
         ({"where": "all", "set": {"loss": {"bernoulli": 1.5}}}, "between 0 and 1"),
         ({"where": "all", "set": {"rate": "1 kbit/s"}}, "does not fit a tdma slot"),
-        ({"kill": "5"}, "realtime"),
     ],
 )
 def test_a_live_fault_that_makes_no_sense_is_refused(plan_of: PlanOf, written: dict[str, Any], message: str) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from volery.agents.agent import NoParameters
 from volery.agents.plan import AgentPlan, Plan
+from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
 from volery.experiments.accounting import account, total
 from volery.experiments.live import Injector
@@ -157,16 +158,49 @@ def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
     assert last["5"] < 2_900_000_000
 
 
-def test_a_lockstep_run_ends_when_an_agent_is_killed(plan_of: PlanOf) -> None:
-    """Without the promises of a dead agent nobody may go on: the run ends, failed, and names the agent."""
-    plan = plan_of("dfa16-lossy", "duration=60 s", "faults=[]")
+_ASYNCHRONOUS = ("agents.estimator=running-sum", "agents.timing=asynchronous")
+
+
+@pytest.mark.parametrize("pace", ["realtime", "lockstep"])
+def test_a_run_with_a_death_from_outside_replays(pace: Pace, plan_of: PlanOf) -> None:
+    """Nobody waits for the dead; with what was heard of it last the twin comes to the same bits."""
+    plan = plan_of("dfa4", "duration=60 s", "faults=[]", "links.latency=20 ms", *_ASYNCHRONOUS)
 
     async def kill(swarm: Swarm, _: Injector) -> None:
-        os.kill(swarm.pids()["5"], signal.SIGKILL)
+        await until(lambda: swarm.status.time_ns > 500_000_000)
+        os.kill(swarm.pids()["3"], signal.SIGKILL)
+        await until(lambda: not swarm.is_alive("3"))
+        reached = swarm.status.time_ns
+        await until(lambda: swarm.status.time_ns > reached + 500_000_000)
+        await swarm.stop()
 
-    _, ending = run_swarm(plan, "lockstep", kill)
-    assert len(ending.problems) == 1
-    assert ending.problems[0].startswith("agent 5 was killed from outside")
+    record, ending = run_swarm(plan, pace, kill)
+    assert ending.problems == ()
+    assert [event["cause"] for event in record.events if event["event"] == "died"] == ["was killed from outside"]
+    assert all(link.closes for link in account(record).values())
+    if pace == "lockstep" or not any(batch.late for batch in record.batches.values()):
+        assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_a_stopped_process_counts_as_dead(plan_of: PlanOf) -> None:
+    """SIGSTOP for good: after a while it is killed, the others go on, and every frame is accounted for."""
+    plan = plan_of("dfa4", "duration=600 s", "faults=[]")
+
+    async def stop(swarm: Swarm, _: Injector) -> None:
+        await until(lambda: swarm.status.time_ns > 500_000_000)
+        os.kill(swarm.pids()["3"], signal.SIGSTOP)
+        await until(lambda: not swarm.is_alive("3"))
+        reached = swarm.status.time_ns
+        await until(lambda: swarm.status.time_ns > reached + 500_000_000)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", stop)
+    assert ending.problems == ()
+    assert [event["cause"] for event in record.events if event["event"] == "died"] == ["was stopped from outside"]
+    accounts = account(record)
+    assert all(link.closes and not link.missing for link in accounts.values())
+    assert any(link.unknown for link in accounts.values())
+    assert list(compare(record, replay(record), 0.0)) == []
 
 
 def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
