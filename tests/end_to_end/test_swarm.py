@@ -216,3 +216,16 @@ def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
 
     _, ending = run_swarm(plan, meanwhile=try_the_same)
     assert ending.problems == ()
+
+
+def test_a_changing_graph_in_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
+    """Radios that move: links come and go while the hub's rules cover them all, and every bit is the twin's."""
+    plan = plan_of("beacons-moving", "duration=8 s")
+    assert any(start > 0 for spans in plan.presence.values() for start, _ in spans)
+    record, ending = run_swarm(plan)
+    assert ending.problems == ()
+    assert departures(record) == []
+    check_accounts(record)
+    late_links = [link for link, spans in plan.presence.items() if spans[0][0] > 0]
+    heard = {(entry.source, name) for (name, _), batch in record.batches.items() for entry in batch.heard}
+    assert heard >= set(late_links)

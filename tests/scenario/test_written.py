@@ -24,7 +24,17 @@ from volery.experiments.writing import quantity
 
 from .conftest import Load
 
-BUILT_IN = ["beacons", "dfa16", "dfa16-async", "dfa16-kill", "dfa16-lossy", "dfa4", "dfa8-random", "dfa-sizes"]
+BUILT_IN = [
+    "beacons",
+    "beacons-moving",
+    "dfa16",
+    "dfa16-async",
+    "dfa16-kill",
+    "dfa16-lossy",
+    "dfa4",
+    "dfa8-random",
+    "dfa-sizes",
+]
 
 
 @given(st.integers(-(10**20), 10**20))

@@ -71,7 +71,9 @@ class Talker(Agent):
         self.sum = crc32(repr((self.sum, seen)).encode())
 
     def tell(self, target: str) -> None:
-        """Send the sum, padded."""
+        """Send the sum, padded, to a neighbour of now."""
+        if target not in self.context.neighbours:
+            return
         length = 4 + int((_LONGEST - 3) * self._lengths.uniform(self._told))
         self._told += 1
         self.context.send(target, self.sum.to_bytes(4, "little").ljust(length, b"."), stream=f"s{self._told % 2}")
@@ -79,7 +81,7 @@ class Talker(Agent):
     def on_sample(self, sample: Sample) -> None:
         """Note it, and tell one neighbour now and then."""
         self.note(sample.sensor, sample.index, sample.time_ns, None if sample.value is None else sample.value.tolist())
-        if sample.index % 3 == 0:
+        if sample.index % 3 == 0 and self.context.neighbours:
             self.tell(self.context.neighbours[sample.index % len(self.context.neighbours)])
 
     def on_timer(self, timer: Timer) -> None:
@@ -296,6 +298,24 @@ def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
 def drawn_plan() -> Callable[..., Plan]:
     """Draw a plan of a kind: graph, media, rates, latencies, losses, queues, phases, faults; with kills on request."""
     return _draw
+
+
+def _come_and_go(plan: Plan, seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    presence = {}
+    for first, second in plan.links:
+        if first < second and rng.random() < 0.7:
+            instants = np.unique(rng.integers(0, DRAWN_MS, 2 * rng.integers(1, 4))) * MS
+            ends = [*instants.tolist(), plan.duration_ns][: 2 * (len(instants) // 2 + len(instants) % 2)]
+            spans = tuple(zip(ends[::2], ends[1::2], strict=True))
+            presence[first, second] = presence[second, first] = spans
+    return replace(plan, presence=presence)
+
+
+@pytest.fixture
+def come_and_go() -> Callable[[Plan, int], Plan]:
+    """Let most edges of a plan come and go, at whole milliseconds."""
+    return _come_and_go
 
 
 @pytest.fixture

@@ -26,6 +26,7 @@ from volery.experiments.verify import compare, replay
 from volery.transport.faults import Fault, Kill, LinkFault, Pause, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
 from volery.transport.latencies import Constant
+from volery.transport.links import CUT
 from volery.transport.media import AIR, Aloha, FullDuplex, HalfDuplex
 
 if TYPE_CHECKING:
@@ -262,6 +263,28 @@ def test_radios_in_lockstep_equal_the_twin(
     network = Network(plan, seed)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("who", ["talker", "answerer"])
+@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
+def test_graphs_that_change_in_lockstep_equal_the_twin(
+    kind: str,
+    who: str,
+    seed: int,
+    come_and_go: Callable[[Plan, int], Plan],
+    twin_run: Callable[[Plan], Record],
+    request: pytest.FixtureRequest,
+) -> None:
+    """Links come and go at the same nominal instants in both, and nobody waits for one that is not there."""
+    plan = come_and_go(request.getfixturevalue(kind)(request.getfixturevalue(who), seed), seed)
+    network = Network(plan, seed)
+    network.start()
+    record = network.finish()
+    assert_equal(record, twin_run(plan))
+    for (name, _), batch in record.batches.items():
+        absent = [sent for sent in batch.sent if not plan.is_present((name, sent.target), sent.start_ns)]
+        assert {sent.verdict for sent in absent} <= {CUT}
 
 
 @pytest.mark.parametrize("seed", SEEDS)
