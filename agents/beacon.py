@@ -53,7 +53,7 @@ class BeaconParameters:
 
 
 class Beacon(Agent):
-    """Sends on timers and counts what it receives, reported as `received`, the number since its start."""
+    """Sends on timers and counts what it receives, reported as `received`; a restart with state counts on."""
 
     Parameters = BeaconParameters
     timers_only = True
@@ -90,6 +90,14 @@ class Beacon(Agent):
         for other in () if parameters.broadcast else self.context.neighbours:
             self.context.send(other, payload, stream="beacon")
         self._wait(timer.time_ns + 1, timer.index + 1)
+
+    def save(self) -> int:
+        """The number received."""
+        return self._received
+
+    def restore(self, state: int) -> None:
+        """Count on from there."""
+        self._received += state
 
     def _wait(self, from_ns: int, index: int) -> None:
         """Set the timer of the index-th payload, not before an instant."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _NAMED = 6
 _COLUMNS = 3
 _OCTET = 8
+_LISTED = 4
 _OTHERWISE = {"there": "always", "corruption": "none", "order": "may overtake"}
 """What stands in a row for a group in which nothing is set, but for a dash."""
 
@@ -211,7 +212,7 @@ def _models(models: Sequence[Loss]) -> str:
 
 
 def _percent(mean: float) -> str:
-    return "unknown" if math.isnan(mean) else f"{100 * mean:.3g} %"
+    return "varies" if math.isnan(mean) else f"{100 * mean:.3g} %"
 
 
 def _latency(group: LinkGroup) -> str:
@@ -268,4 +269,6 @@ def _model(written: Any) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return f"({_model(value)})" if len(value) == 1 else "…"
+    if isinstance(value, list) and len(value) > _LISTED:
+        return f"{len(value)} values"
     return f"{value:.6g}" if isinstance(value, float) else str(value).replace(" ", "")

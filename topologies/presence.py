@@ -6,8 +6,10 @@ Time is in whole nanoseconds, spans are half-open. An edge without spans of its 
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -98,16 +100,22 @@ def edges_at(graph: TimedGraph, time_ns: int) -> list[Edge]:
 
 def disconnected(graph: TimedGraph, until_ns: int) -> tuple[Span, ...]:
     """The spans of [0, until_ns) in which some agent cannot reach another, ascending and apart."""
+    come: dict[int, list[Edge]] = defaultdict(list)
+    go: dict[int, list[Edge]] = defaultdict(list)
+    for edge, spans in graph.presence.items():
+        for start, end in spans:
+            come[start].append(edge)
+            go[end].append(edge)
+    now = nx.Graph(graph.union)
+    now.remove_edges_from(graph.presence)
+    instants = sorted({0, until_ns, *come, *go})
     apart = []
-    names = agents(graph.union)
-    instants = sorted({0, *(instant for its in graph.presence.values() for span in its for instant in span)})
-    for start, end in zip(instants, [*instants[1:], until_ns], strict=True):
-        now = nx.Graph()
-        now.add_nodes_from(names)
-        now.add_edges_from(edges_at(graph, start))
+    for start, end in pairwise(instants):
+        now.remove_edges_from(go[start])
+        now.add_edges_from(come[start])
         if not nx.is_connected(now):
-            apart.append((start, min(end, until_ns)))
-    return merged(apart)
+            apart.append((start, end))
+    return merged((start, min(end, until_ns)) for start, end in apart)
 
 
 def mean_laplacian(graph: TimedGraph, until_ns: int) -> NDArray[np.float64]:

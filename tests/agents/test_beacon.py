@@ -132,6 +132,17 @@ def test_a_restarted_beacon_goes_on_from_then(pattern: Literal["periodic", "pois
     assert [estimate.value for estimate in record.batches["2", 1].estimates[:1]] == [[0.0]]
 
 
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_restart_with_state_counts_on(keep: bool) -> None:
+    """The hub has received 20 · 2 · 3 by its death at 3 s; it goes on from there, or from 0."""
+    faults = [Kill("k", 3 * S + 500 * MS, 6 * S, "1", keep_state=keep)]
+    record = run(star(BeaconParameters(rate=20.0, phase="aligned", talkers="leaves"), faults=faults))
+    assert record.batches["1", 0].estimates[-1].value == [120.0]
+    received = sum(frame.fate == "delivered" for frame in record.batches["1", 0].heard)
+    first = record.batches["1", 1].estimates[0]
+    assert (first.time_ns, first.value) == (6 * S, [float(received if keep else 0)])
+
+
 def test_a_paused_beacon_sends_what_it_missed() -> None:
     """The timers of the pause ring after it, so that the number of frames is the same."""
     paused, steady = (run(star(BeaconParameters(), faults=faults)) for faults in ([Pause("p", 2 * S, 4 * S, "2")], []))
