@@ -91,14 +91,6 @@ class Beacon(Agent):
             self.context.send(other, payload, stream="beacon")
         self._wait(timer.time_ns + 1, timer.index + 1)
 
-    def save(self) -> int:
-        """The number received."""
-        return self._received
-
-    def restore(self, state: int) -> None:
-        """Count on from there."""
-        self._received += state
-
     def _wait(self, from_ns: int, index: int) -> None:
         """Set the timer of the index-th payload, not before an instant."""
         parameters: BeaconParameters = self.parameters
