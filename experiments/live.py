@@ -43,8 +43,9 @@ class Injector:
         drafted = parse_fault(written, name, 0, list(self._swarm.plan.links))
         self._check(drafted)
         self._count += 1
-        fault = await self._arm(drafted)
-        self._faults[name] = fault
+        async with self._swarm.intervening:
+            fault = await self._arm(drafted)
+            self._faults[name] = fault
         self._newest_ns = fault.at_ns
         if isinstance(fault, Kill) and fault.until_ns is not None:
             self._swarm.restart_later(fault)
@@ -156,8 +157,12 @@ class Injector:
         return await self.clear(names)
 
     async def _end(self, fault: Fault) -> None:
+        key = await self._swarm.standby(fault.agent) if isinstance(fault, Kill) else None
+        async with self._swarm.intervening:
+            await self._end_now(fault, key)
+
+    async def _end_now(self, fault: Fault, key: tuple[str, int] | None) -> None:
         swarm = self._swarm
-        key = await swarm.standby(fault.agent) if isinstance(fault, Kill) else None
         if swarm.pace == "lockstep":
             until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
             ended: Fault = replace(fault, until_ns=until_ns)

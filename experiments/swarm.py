@@ -74,6 +74,9 @@ class Swarm:
         pace: realtime or lockstep.
         speed: nominal seconds per wall second, in realtime pace.
         listen: the hub's endpoint.
+
+    Who arms a live fault or brings an agent to life holds `intervening` meanwhile: a newcomer knows every fault that
+    was armed before it, and hears of every later one.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class Swarm:
         self.session: zs.Session
         self.live_faults: dict[str, Fault] = {}
         self.interventions = 0
+        self.intervening = asyncio.Lock()
         self.ready = asyncio.Event()
         self._sink = sink
         self._keys = Keys(run)
@@ -297,7 +301,8 @@ class Swarm:
             await self._members[kill.agent, incarnation - 1].ended.wait()
         if (kill.agent, incarnation - 1) not in self._gone:
             await self._prepare(key)
-            await self.revive(key, kill, until_ns)
+            async with self.intervening:
+                await self.revive(key, kill, until_ns)
 
     async def stop(self) -> None:
         """End the run early, at one nominal instant for all."""
