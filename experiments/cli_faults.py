@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
@@ -13,6 +14,7 @@ from .cli_output import print_plain
 from .cli_parameters import RUNS, RunsFolder, SwarmName
 from .operator import call
 from .reading import assign
+from .traces import anchor
 
 _LINKS = "3-7 both directions, 3>7 one (quote it), an agent's name all of its links, or all; several with commas."
 Links = Annotated[str, Parameter(help=_LINKS)]
@@ -62,6 +64,7 @@ def restore(links: Links, /, *, where: Where = NEWEST) -> None:
 def set_links(links: Links, /, *settings: Settings, for_: Lasting = None, where: Where = NEWEST) -> None:
     """Change links: loss=0.3 latency=5ms rate=57.6kbit/s, or any field of a scenario's links."""
     changes, _ = assign({}, settings)
+    anchor(changes, lambda _place: Path.cwd())
     where.inject({"where": links, "set": changes}, for_)
 
 

@@ -7,8 +7,10 @@ from collections.abc import Iterator, Sequence
 
 from ..agents import registry
 from ..agents.plan import Plan
+from ..errors import BadInput
 from ..transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ..transport.links import LinkSettings
+from ..transport.losses import Distance
 from ..transport.media import EDGE_SLOTS, Aloha, HalfDuplex, on_air
 from .reading import Loc, Problem
 from .writing import ACCESS_NAMES
@@ -75,6 +77,16 @@ def settings_problems(
         yield "latency", text
 
 
+def placeless(plan: Plan, link: LinkName, settings: LinkSettings) -> Iterator[tuple[str, str]]:
+    """Why a link's losses cannot depend on a distance: (field of the links, sentence with the remedy)."""
+    for field in ("loss", "corruption"):
+        if any(isinstance(model, Distance) for model in getattr(settings, field)):
+            try:
+                plan.distance_m(*link, 0)
+            except BadInput as error:
+                yield field, str(error)
+
+
 def _radio_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
     """Links of one radio that differ in what a radio has only one of, at the start or under a fault."""
     for agent in plan.agents:
@@ -134,14 +146,17 @@ def _over_time(
     plan: Plan, link: LinkName, faults: Sequence[LinkFault], payload: int | None, compute_ns: int
 ) -> list[tuple[Loc, str]]:
     """The problems of a link's own settings; where there are none those that its faults bring, at the latest one."""
-    base, slots = plan.links[link], slots_of(plan, link)
-    found: dict[str, Loc] = {
-        text: ("links", field) for field, text in settings_problems(base, payload, compute_ns, slots)
-    }
+    slots = slots_of(plan, link)
+
+    def problems(settings: LinkSettings) -> list[tuple[str, str]]:
+        return [*settings_problems(settings, payload, compute_ns, slots), *placeless(plan, link, settings)]
+
+    base = plan.links[link]
+    found: dict[str, Loc] = {text: ("links", field) for field, text in problems(base)}
     times = sorted({time for fault in faults for time in (fault.at_ns, fault.until_ns) if time is not None})
     for time in times if not found else ():
         begun = [index for index, fault in enumerate(plan.faults) if fault in faults and fault.at_ns <= time]
         latest = max(begun, key=lambda index: plan.faults[index].at_ns)
-        for field, text in settings_problems(effective(base, link, faults, time), payload, compute_ns, slots):
+        for field, text in problems(effective(base, link, faults, time)):
             found.setdefault(text, ("faults", latest, "set", field))
     return [(loc, text) for text, loc in found.items()]

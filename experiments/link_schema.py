@@ -14,14 +14,15 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
 
 from ..errors import BadInput
-from ..transport.latencies import LATENCIES, Latency
+from ..transport.latencies import LATENCIES, Latency, LatencyTrace
 from ..transport.links import Bucket, LinkSettings, Queue
-from ..transport.losses import LOSSES, Loss
+from ..transport.losses import LOSSES, Loss, LossTrace
 from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, SlottedAloha, Tdma
-from ..units import BitsPerSecond, Bytes
+from ..units import BitsPerSecond, Bytes, Nanoseconds
 from .explaining import did_you_mean, explain, schema_fields
 from .presets import PRESET, PresetName, with_preset
 from .reading import describe
+from .traces import read_trace
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
 ACCESSES: dict[str, Any] = {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma}
@@ -104,8 +105,47 @@ MEDIA: dict[str, Any] = {
     ],
 }
 _MEDIUM = OneOf("MediumModel", MEDIA)
-_LOSS = OneOf("LossModel", LOSSES, of_scalar="bernoulli")
-_LATENCY = OneOf("LatencyModel", LATENCIES, of_scalar="constant")
+
+
+class _TraceFields(TypedDict, total=False):
+    __pydantic_config__ = STRICT  # type: ignore[misc]
+    file: str
+    times: tuple[Nanoseconds, ...]
+    repeat: Nanoseconds | None
+
+
+class _LossTraceFields(_TraceFields, total=False):
+    losses: tuple[float, ...]
+
+
+class _LatencyTraceFields(_TraceFields, total=False):
+    latencies: tuple[Nanoseconds, ...]
+
+
+def _read_trace(model: Any, adapter: TypeAdapter[Any], column: str, value: Any) -> Any:
+    """A trace from its file, or as the resolved scenario has it, with its numbers."""
+    values = fields(model)[1].name
+    given = validated(adapter, {"file": value} if isinstance(value, str) else value)
+    numbers = {"times", values} & given.keys()
+    if ("file" in given) == bool(numbers):
+        raise BadInput(f"write a file, or times and {values}: one of the two, not {'both' if numbers else 'neither'}")
+    if "file" in given:
+        given["times"], given[values] = read_trace(given.pop("file"), column)
+    if len(numbers) == 1:
+        raise BadInput(f"times and {values} belong together")
+    return model(**given)
+
+
+def _trace(model: Any, written: Any, column: str) -> Any:
+    return Annotated[model, Reader(partial(_read_trace, model, TypeAdapter(written), column), str | written)]
+
+
+_LOSS = OneOf("LossModel", {**LOSSES, "trace": _trace(LossTrace, _LossTraceFields, "loss")}, of_scalar="bernoulli")
+_LATENCY = OneOf(
+    "LatencyModel",
+    {**LATENCIES, "trace": _trace(LatencyTrace, _LatencyTraceFields, "latency")},
+    of_scalar="constant",
+)
 _OneLoss = Annotated[Any, Reader(_LOSS.read, str | float | _LOSS.written)]
 _LOSSES: TypeAdapter[tuple[Loss, ...]] = TypeAdapter(tuple[_OneLoss, ...])
 

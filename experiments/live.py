@@ -9,7 +9,7 @@ from typing import Any
 from ..agents.registry import find
 from ..errors import BadInput
 from ..transport.faults import Fault, Kill, LinkFault, Pause, effective, in_force, to_plain
-from .fitting import settings_problems
+from .fitting import placeless, settings_problems
 from .swarm import Swarm
 from .timeline import parse_fault
 from .twin import RecordSink
@@ -73,7 +73,8 @@ class Injector:
             sender = plan.agent(link[0])
             payload = find(sender.kind).largest_payload(sender.parameters)
             settings = replace(effective(plan.links[link], link, present, self._swarm.now_ns()), **fault.changes)
-            for field, text in settings_problems(settings, payload, sender.compute_ns):
+            problems = [*settings_problems(settings, payload, sender.compute_ns), *placeless(plan, link, settings)]
+            for field, text in problems:
                 raise BadInput(f"{field} on {'>'.join(link)}: {text}")
 
     def _already_cut(self, fault: LinkFault) -> list[tuple[str, str]]:

@@ -17,7 +17,7 @@ from ..errors import BadInput
 Loc = tuple[str | int, ...]
 """Where a value stands: keys and indices from the top."""
 
-_CHOICES = {"loss", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
+_CHOICES = {"loss", "corruption", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
 """Fields in which one key chooses a model: to set another key there is to choose another model."""
 _BESIDE_A_CHOICE = {"spacing", "seed", "radius", "side", "probability", "neighbours", "rewiring"}
 """Fields that may stand beside such a key and choose nothing."""
@@ -56,11 +56,17 @@ class Document:
         what = describe(self.data, problem)
         return f"{place}: {what.removeprefix(place.removeprefix('--set ') + ': ')}"
 
+    def is_overridden(self, path: Loc) -> bool:
+        """Whether a value comes from the command line and not from the file."""
+        return bool(self._covering(path))
+
+    def _covering(self, path: Loc) -> list[tuple[str, ...]]:
+        words = _words(path)
+        return [override for override in self.overrides if override == words[: len(override)]]
+
     def _place(self, path: Loc, of_key: bool) -> str:
         """The position of a value or its key, or the override that it came from."""
-        words = _words(path)
-        covering = [override for override in self.overrides if override == words[: len(override)]]
-        if covering:
+        if covering := self._covering(path):
             return f"--set {self.overrides[max(covering, key=len)]}"
         tree, mark = self.tree, _mark(self.tree, None) or (0, 0)
         for depth, part in enumerate(path, start=1):

@@ -16,6 +16,7 @@ from .library import builtin_scenarios, find_source, new_scenario_text, scenario
 from .link_schema import validated
 from .reading import read_document
 from .schema import SCENARIO, Scenario, json_schema, known_fields, resolved_yaml
+from .traces import anchor
 
 __all__ = [
     "Scenario",
@@ -44,6 +45,10 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     document.data.setdefault("name", name)
     overridden = any(path[:2] in {("topology",), ("topology", "file")} for path in document.overrides)
     _anchor_all(document.data.get("topology"), Path.cwd() if overridden else folder)
+    for field in ("links", "faults"):
+        anchor(
+            document.data.get(field), lambda place: Path.cwd() if document.is_overridden(place) else folder, (field,)
+        )
     try:
         scenario = validated(SCENARIO, document.data)
     except ValidationError as error:

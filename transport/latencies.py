@@ -1,45 +1,30 @@
-"""Latency models: how long a frame travels after its last bit has left, one way, in whole nanoseconds.
+"""Latency models by name: how long a frame travels after its last bit has left, one way, in whole nanoseconds.
 
 Latency is a pipe and no queue: it never limits how many frames are in flight. Every model has a minimum, the lookahead
-on which lockstep pace rests.
+on which lockstep pace rests. Random ones are in `latency_laws`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from statistics import NormalDist
-from typing import Protocol
 
-from ..errors import BadInput
 from ..units import Nanoseconds
-from .stages import Surroundings
+from .latency_laws import Gamma, LogNormal, Normal, Pareto, Uniform, check_latency
+from .stages import Latency, LatencyStage, Surroundings
+from .traces import Steps
 
-_STANDARD_NORMAL = NormalDist()
-_TRUNCATION_SD = 3
-
-LatencyStage = Callable[[int, int], int]
-"""(sequence number, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
-
-
-class Latency(Protocol):
-    """A latency model."""
-
-    @property
-    def minimum_ns(self) -> int:
-        """No frame travels faster."""
-
-    @property
-    def mean_ns(self) -> float:
-        """Mean travel time."""
-
-    def stage(self, around: Surroundings) -> LatencyStage:
-        """What gives each frame of one link its latency."""
-
-
-def _not_negative(name: str, value_ns: int) -> None:
-    if value_ns < 0:
-        raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
+__all__ = [
+    "LATENCIES",
+    "Constant",
+    "Gamma",
+    "Latency",
+    "LatencyStage",
+    "LatencyTrace",
+    "LogNormal",
+    "Normal",
+    "Pareto",
+    "Uniform",
+]
 
 
 @dataclass(frozen=True)
@@ -50,7 +35,7 @@ class Constant:
 
     def __post_init__(self) -> None:
         """Check the bound."""
-        _not_negative("latency", self.value)
+        check_latency("latency", self.value)
 
     @property
     def minimum_ns(self) -> int:
@@ -62,85 +47,72 @@ class Constant:
         """The value."""
         return float(self.value)
 
+    @property
+    def variance_inflation(self) -> float:
+        """1: there is no variance."""
+        return 1.0
+
+    def expected_ns(self, _end_ns: int) -> float:
+        """The value."""
+        return float(self.value)
+
     def stage(self, _around: Surroundings) -> LatencyStage:
         """The same for every index."""
         return lambda _index, _end_ns: self.value
 
 
 @dataclass(frozen=True)
-class Uniform:
-    """Uniform between two bounds."""
+class LatencyTrace:
+    """A latency that is given over time: `latencies[i]` for airtimes that end from `times[i]` on, the last for ever.
 
-    low: Nanoseconds
-    high: Nanoseconds
+    With `repeat` the trace starts anew after so long.
+    """
 
-    def __post_init__(self) -> None:
-        """Check the bounds."""
-        _not_negative("low", self.low)
-        if self.high < self.low:
-            raise BadInput(f"high is {self.high} ns and low {self.low} ns: high is at least low")
-
-    @property
-    def minimum_ns(self) -> int:
-        """The lower bound."""
-        return self.low
-
-    @property
-    def mean_ns(self) -> float:
-        """The middle."""
-        return (self.low + self.high) / 2
-
-    def stage(self, around: Surroundings) -> LatencyStage:
-        """One draw per frame."""
-        draws, low, span = around.stream("latency"), self.low, self.high - self.low
-        return lambda index, _end_ns: low + int(span * draws.uniform(index))
-
-
-@dataclass(frozen=True)
-class Normal:
-    """Normal with a mean and a standard deviation, truncated below at `min`: by default mean − 3 sd, at least 0."""
-
-    mean: Nanoseconds
-    sd: Nanoseconds
-    min: Nanoseconds | None = None
+    times: tuple[Nanoseconds, ...]
+    latencies: tuple[Nanoseconds, ...]
+    repeat: Nanoseconds | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _not_negative("mean", self.mean)
-        _not_negative("sd", self.sd)
-        _not_negative("min", self.minimum_ns)
-        if self.minimum_ns > self.mean:
-            raise BadInput(f"min is {self.minimum_ns} ns and mean {self.mean} ns: min is at most the mean")
+        for latency in self.latencies:
+            check_latency("latency", latency)
+        self._steps.check("latencies")
+
+    @property
+    def _steps(self) -> Steps[int]:
+        return Steps(self.times, self.latencies, self.repeat)
 
     @property
     def minimum_ns(self) -> int:
-        """Where the law is cut off."""
-        return max(0, self.mean - _TRUNCATION_SD * self.sd) if self.min is None else self.min
-
-    @property
-    def _cut(self) -> float:
-        """Probability that the law without truncation gives to what is cut off."""
-        return _STANDARD_NORMAL.cdf((self.minimum_ns - self.mean) / self.sd) if self.sd else 0.0
+        """The smallest value."""
+        return min(self.latencies)
 
     @property
     def mean_ns(self) -> float:
-        """Mean of the truncated law: mean + sd·φ(α) / (1 − Φ(α)), α = (min − mean) / sd."""
-        if not self.sd:
-            return float(self.mean)
-        alpha = (self.minimum_ns - self.mean) / self.sd
-        return self.mean + self.sd * _STANDARD_NORMAL.pdf(alpha) / (1 - self._cut)
+        """Mean over one repetition, else the last value."""
+        return self._steps.mean
 
-    def stage(self, around: Surroundings) -> LatencyStage:
-        """One draw per frame, by the inverse of the truncated law."""
-        if not self.sd:
-            return lambda _index, _end_ns: self.mean
-        draws, cut, minimum = around.stream("latency"), self._cut, self.minimum_ns
-        quantile = NormalDist(self.mean, self.sd).inv_cdf
-        return lambda index, _end_ns: max(minimum, int(quantile(cut + (1 - cut) * draws.uniform(index))))
+    @property
+    def variance_inflation(self) -> float:
+        """1: nothing is left to chance."""
+        return 1.0
+
+    def expected_ns(self, end_ns: int) -> float:
+        """The value at an instant."""
+        return float(self._steps.at(end_ns))
+
+    def stage(self, _around: Surroundings) -> LatencyStage:
+        """A stage without draws."""
+        at = self._steps.at
+        return lambda _index, end_ns: at(end_ns)
 
 
-LATENCIES: dict[str, type[Constant] | type[Uniform] | type[Normal]] = {
+LATENCIES: dict[str, type[Latency]] = {
     "constant": Constant,
     "uniform": Uniform,
     "normal": Normal,
+    "gamma": Gamma,
+    "lognormal": LogNormal,
+    "pareto": Pareto,
+    "trace": LatencyTrace,
 }

@@ -15,6 +15,7 @@ from ..units import BitsPerSecond, Bytes
 from .latencies import Constant, Latency
 from .losses import Loss
 from .media import FullDuplex, Medium
+from .probabilities import check_probability
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_TRAVEL_NS = 1
@@ -97,8 +98,7 @@ class LinkSettings:
             raise BadInput(f"rate is {self.rate:g} bit/s, it must be above 0")
         if self.overhead < 0 or self.bits_per_byte < 1 or self.mtu < 1:
             raise BadInput("overhead is at least 0 B, bits_per_byte at least 1, mtu at least 1 B")
-        if not 0 <= self.duplication <= 1:
-            raise BadInput(f"duplication is {self.duplication:g}, a probability lies between 0 and 1")
+        check_probability("duplication", self.duplication)
 
     def bits(self, payload_bytes: int) -> int:
         """Length of a frame on the air: (payload + overhead) · bits per byte."""

@@ -1,134 +1,95 @@
-"""Loss models: which transmitted frames the channel swallows.
+"""Loss models by name: which transmitted frames the channel swallows. Where several are given, any of them may.
 
-A model is data; its stage is the small state machine of one directed link. Where several models are given, a frame is
-lost if any of them loses it.
+Those that count frames are in `frame_losses`, those that run in time in `time_losses`, the one of place in
+`distance_losses`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from math import exp, isnan, prod
 
-from ..errors import BadInput
-from ..randomness import Stream
-from .stages import Surroundings
+from .distance_losses import Distance
+from .frame_losses import Bernoulli, BitError, Frames, GilbertElliott
+from .stages import Loss, LossStage, Memory, Surroundings
+from .time_losses import GilbertElliottTime, LossTrace, Markov
 
+__all__ = [
+    "LOSSES",
+    "Bernoulli",
+    "BitError",
+    "Distance",
+    "Frames",
+    "GilbertElliott",
+    "GilbertElliottTime",
+    "Loss",
+    "LossStage",
+    "LossTrace",
+    "Markov",
+    "Memory",
+    "expected_loss",
+    "loss_stages",
+    "loss_variance",
+]
 
-class LossStage(Protocol):
-    """The state of one loss model on one directed link."""
-
-    def lost(self, index: int, start_ns: int, bits: int) -> bool:
-        """Whether a transmitted frame is lost; called once for each, in order.
-
-        Args:
-            index: its sequence number on the link.
-            start_ns: when its transmission starts.
-            bits: its length on the air, overhead included.
-        """
-
-
-class Loss(Protocol):
-    """A loss model."""
-
-    @property
-    def mean(self) -> float:
-        """Long-run fraction of frames lost."""
-
-    def stage(self, around: Surroundings) -> LossStage:
-        """The state machine of one link."""
-
-
-def _probability(name: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise BadInput(f"{name} is {value:g}, a probability lies between 0 and 1")
-
-
-@dataclass(frozen=True)
-class Bernoulli:
-    """Every frame is lost with the same probability, independently."""
-
-    probability: float
-
-    def __post_init__(self) -> None:
-        """Check the bounds."""
-        _probability("loss probability", self.probability)
-
-    @property
-    def mean(self) -> float:
-        """The probability itself."""
-        return self.probability
-
-    def stage(self, around: Surroundings) -> LossStage:
-        """A memoryless stage."""
-        return _BernoulliStage(self.probability, around.stream("loss"))
-
-
-@dataclass(slots=True)
-class _BernoulliStage:
-    probability: float
-    draws: Stream
-
-    def lost(self, index: int, start_ns: int, bits: int) -> bool:
-        return self.draws.uniform(index) < self.probability
-
-
-@dataclass(frozen=True)
-class GilbertElliott:
-    """Bursts: a two-state Markov chain that takes one step per frame, with a loss probability in each state.
-
-    to_bad = P(good → bad), to_good = P(bad → good); stationary P(bad) = to_bad / (to_bad + to_good).
-    Gilbert 1960; Elliott 1963. The first frame finds the chain in its stationary law.
-    """
-
-    to_bad: float
-    to_good: float
-    loss_bad: float = 1.0
-    loss_good: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the bounds; a chain that never moves has no stationary law."""
-        for name in ("to_bad", "to_good", "loss_bad", "loss_good"):
-            _probability(name, getattr(self, name))
-        if self.to_bad + self.to_good == 0:
-            raise BadInput("to_bad and to_good are both 0: the state would never change, use bernoulli instead")
-
-    @property
-    def stationary_bad(self) -> float:
-        """Long-run fraction of frames that meet the bad state."""
-        return self.to_bad / (self.to_bad + self.to_good)
-
-    @property
-    def mean(self) -> float:
-        """P(bad)·loss_bad + P(good)·loss_good."""
-        return self.stationary_bad * self.loss_bad + (1 - self.stationary_bad) * self.loss_good
-
-    def stage(self, around: Surroundings) -> LossStage:
-        """A stage whose chain starts in the stationary law."""
-        return _GilbertElliottStage(self, around.stream("loss"), around.stream("loss-state"))
-
-
-class _GilbertElliottStage:
-    __slots__ = ("_bad", "_draws", "_model", "_moves")
-
-    def __init__(self, model: GilbertElliott, draws: Stream, moves: Stream) -> None:
-        self._model = model
-        self._draws = draws
-        self._moves = moves
-        self._bad: bool | None = None
-
-    def lost(self, index: int, start_ns: int, bits: int) -> bool:
-        model = self._model
-        move = self._moves.uniform(index)
-        if self._bad is None:
-            self._bad = move < model.stationary_bad
-        elif self._bad:
-            self._bad = move >= model.to_good
-        else:
-            self._bad = move < model.to_bad
-        return self._draws.uniform(index) < (model.loss_bad if self._bad else model.loss_good)
-
-
-LOSSES: dict[str, type[Bernoulli] | type[GilbertElliott]] = {
+LOSSES: dict[str, type[Loss]] = {
     "bernoulli": Bernoulli,
     "gilbert-elliott": GilbertElliott,
+    "gilbert-elliott-time": GilbertElliottTime,
+    "markov": Markov,
+    "bit-error": BitError,
+    "distance": Distance,
+    "trace": LossTrace,
+    "frames": Frames,
 }
+
+
+def loss_stages(models: Sequence[Loss], around: Surroundings, what: str = "") -> list[LossStage]:
+    """The stages of a sum of models on one link, each with streams of its own; `what` keeps corruption apart."""
+    names = [f"{what}{number or ''}" for number in range(len(models))]
+    return [model.stage(around.within(name) if name else around) for name, model in zip(names, models, strict=True)]
+
+
+def expected_loss(stages: Iterable[LossStage], index: int, start_ns: int, bits: int) -> float:
+    """Probability that a sum of models loses a frame: 1 − Π(1 − pₘ)."""
+    return 1.0 - prod(1.0 - stage.expected(index, start_ns, bits) for stage in stages)
+
+
+def loss_variance(models: Iterable[Loss], starts_ns: Sequence[int], expected: Iterable[float]) -> float:
+    """Variance of the number of frames that a sum of models loses, about the sum of their expected losses.
+
+    Σ pᵢ(1 − pᵢ) + 2 Σᵢ﹤ⱼ cov(i, j). A frame survives all models, so cov(i, j) = Π(qₘ² + cₘ(i, j)) − Πqₘ², with qₘ the
+    long-run fraction that survives model m and cₘ its memory. Models without a long-run fraction are left out of the
+    covariances, which can only make them larger.
+
+    Args:
+        models: a sum of models.
+        starts_ns: when the frames start, ascending, one for each sequence number.
+        expected: their probabilities of being lost, as `expected_loss` gives them.
+    Returns:
+        The variance; over Σ pᵢ(1 − pᵢ) it is the inflation by bursts.
+    """
+    terms = [Memory(1.0)]
+    for model in models:
+        if isnan(model.mean):
+            continue
+        survival, own = (1.0 - model.mean) ** 2, model.memory
+        kept = [term._replace(covariance=term.covariance * survival) for term in terms]
+        joined = [_product(term, own) for term in terms] if own.covariance else []
+        terms = kept + joined
+    independent = sum(loss * (1.0 - loss) for loss in expected)
+    return max(0.0, independent + sum(2.0 * _pairs(term, starts_ns) for term in terms[1:]))
+
+
+def _product(first: Memory, second: Memory) -> Memory:
+    return Memory(first.covariance * second.covariance, first.per_frame * second.per_frame, first.rate + second.rate)
+
+
+def _pairs(memory: Memory, starts_ns: Sequence[int]) -> float:
+    """Sum of the covariances of all pairs, in one pass: what a frame shares with all before it decays on the way."""
+    total = shared = 0.0
+    for before, start in pairwise(starts_ns):
+        shared = memory.per_frame * exp(memory.rate * (before - start)) * (1.0 + shared)
+        total += shared
+    return memory.covariance * total

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from .latencies import Latency, LatencyStage
 from .links import CORRUPT, CUT, DELIVERED, LOST, SHORTEST_TRAVEL_NS, LinkSettings
-from .losses import Loss, LossStage
+from .losses import loss_stages
 from .stages import Surroundings
 
 
@@ -44,19 +44,11 @@ class Propagation:
         self.settings = settings
         self.next_sequence = 0
         self._around = around
-        self._losses = self._stages("", settings.loss)
-        self._corruptions = self._stages("corruption", settings.corruption)
+        self._losses = loss_stages(settings.loss, around)
+        self._corruptions = loss_stages(settings.corruption, around, "corruption")
         self._duplicates = around.stream("duplication")
         self._latencies = self._pipes(settings.latency)
         self._last_due = 0
-
-    def _stages(self, what: str, models: tuple[Loss, ...]) -> list[LossStage]:
-        """The stages of a sum of models, each with streams of its own."""
-        names = [f"{what}{number or ''}" for number in range(len(models))]
-        return [
-            model.stage(self._around.within(name) if name else self._around)
-            for name, model in zip(names, models, strict=True)
-        ]
 
     def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
         """Of the frames, and of their duplicates."""
@@ -66,9 +58,9 @@ class Propagation:
         """Take new settings; models that stay keep their state."""
         before, self.settings = self.settings, settings
         if settings.loss != before.loss:
-            self._losses = self._stages("", settings.loss)
+            self._losses = loss_stages(settings.loss, self._around)
         if settings.corruption != before.corruption:
-            self._corruptions = self._stages("corruption", settings.corruption)
+            self._corruptions = loss_stages(settings.corruption, self._around, "corruption")
         if settings.latency != before.latency:
             self._latencies = self._pipes(settings.latency)
 

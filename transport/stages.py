@@ -1,12 +1,13 @@
-"""What the stages of a directed link may know: their random streams, and how far apart the two ends are.
+"""What models of loss and latency are, and what their stages may know: random streams, and how far apart the ends are.
 
-A model of loss or latency is data; its *stage* is the small state machine of one directed link.
+A model is data; its *stage* is the small state machine of one directed link.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
@@ -55,3 +56,74 @@ class Surroundings:
             lambda purpose: stream(seed, purpose, *ends, "path"),
             distance_m,
         )
+
+
+class Memory(NamedTuple):
+    """How losses hang together: covariance c·rᵏ·exp(−λ·Δt) of two that are k frames and Δt between starts apart.
+
+    `covariance` c, `per_frame` r, `rate` λ [1/ns].
+    """
+
+    covariance: float = 0.0
+    per_frame: float = 1.0
+    rate: float = 0.0
+
+
+class LossStage(Protocol):
+    """The state of one loss model on one directed link."""
+
+    def lost(self, index: int, start_ns: int, bits: int) -> bool:
+        """Whether a transmitted frame is lost; called once for each, in order.
+
+        Args:
+            index: its sequence number on the link.
+            start_ns: when its transmission starts.
+            bits: its length on the air, overhead included.
+        """
+
+    def expected(self, index: int, start_ns: int, bits: int) -> float:
+        """Probability that this frame is lost; may be asked for any frame at any time.
+
+        Where the ends are and what shadows their path is given; the states of chains, and what they bring, are not.
+        """
+
+
+class Loss(Protocol):
+    """A loss model."""
+
+    @property
+    def mean(self) -> float:
+        """Long-run fraction of frames lost; NaN where it depends on their length or on where the ends are."""
+
+    @property
+    def memory(self) -> Memory:
+        """Covariance of the losses of two frames, about their expected values."""
+
+    def stage(self, around: Surroundings) -> LossStage:
+        """The state machine of one link."""
+
+
+LatencyStage = Callable[[int, int], int]
+"""(sequence number, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
+
+
+class Latency(Protocol):
+    """A latency model."""
+
+    @property
+    def minimum_ns(self) -> int:
+        """No frame travels faster."""
+
+    @property
+    def mean_ns(self) -> float:
+        """Long-run mean of the travel time."""
+
+    @property
+    def variance_inflation(self) -> float:
+        """Upper bound of the long-run variance of the mean over many frames, relative to that of independent ones."""
+
+    def expected_ns(self, end_ns: int) -> float:
+        """Mean travel time of frames whose airtime ends at an instant."""
+
+    def stage(self, around: Surroundings) -> LatencyStage:
+        """What gives each frame of one link its latency."""

@@ -36,6 +36,8 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "m/s": {"mm/s": Fraction(1, 1000), "m/s": Fraction(1), "km/h": Fraction(1000, 3600)},
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
+    "dB": {"dB": Fraction(1)},
+    "dBm": {"dBm": Fraction(1)},
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d].*?)?\s*")
 
@@ -88,6 +90,8 @@ Bytes = Annotated[int, Unit("B")]
 Metres = Annotated[float, Unit("m")]
 Radians = Annotated[float, Unit("rad")]
 Volts = Annotated[float, Unit("V")]
+Decibels = Annotated[float, Unit("dB")]
+DecibelMilliwatts = Annotated[float, Unit("dBm")]
 
 
 def period_ns(rate_hz: float, index: int) -> int:

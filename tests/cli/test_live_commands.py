@@ -103,6 +103,15 @@ def test_settings_are_written_as_in_a_scenario(volery: Volery, supervisor: Super
     assert burst.changes["loss"][0].to_bad == 0.1
 
 
+def test_traces_are_those_where_the_command_is_given(
+    volery: Volery, supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The supervisor may run elsewhere: it is given the whole path of the file."""
+    monkeypatch.chdir(tmp_path)
+    assert volery("fault", "set", "3-7", "loss.trace=own.csv").code == 0
+    assert supervisor.asked[0][1]["fault"]["set"] == {"loss": {"trace": str(tmp_path / "own.csv")}}
+
+
 @pytest.mark.parametrize("words", [["set", "all"], ["set", "all", "loss"]])
 def test_settings_that_are_none(volery: Volery, supervisor: Supervisor, words: list[str]) -> None:
     """Nothing to set, or no value for it, is bad input; here or where the supervisor reads it."""

@@ -13,10 +13,19 @@ from volery.errors import BadInput
 from volery.experiments.link_schema import LinkFields, link_changes
 from volery.experiments.timeline import parse_fault, parse_links
 from volery.experiments.writing import spelled
-from volery.transport.faults import Kill, LinkFault, Pause
-from volery.transport.latencies import Constant, Normal, Uniform
+from volery.transport.faults import Kill, LinkFault, Pause, from_plain, to_plain
+from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
-from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.losses import (
+    Bernoulli,
+    BitError,
+    Distance,
+    Frames,
+    GilbertElliott,
+    GilbertElliottTime,
+    LossTrace,
+    Markov,
+)
 from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
 
 EDGES = [("1", "2"), ("2", "3"), ("2", "10")]
@@ -24,15 +33,56 @@ SECOND = 1_000_000_000
 
 _times = st.integers(0, 10**13)
 _probabilities = st.floats(0, 1)
+_leaving = st.floats(0.001, 1)
+_sojourns = st.integers(100_000, 10**13)
+_levels = st.floats(-200, 200)
+_spreads = st.floats(0.1, 50)
+_correlations = st.floats(-0.99, 0.99)
+_numbers = st.integers(0, 10**6)
+_instants = st.lists(st.integers(1, 10**13), max_size=4, unique=True).map(lambda times: (0, *sorted(times)))
+
+
+def _traces(kind: Any, values: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Traces with as many values as times, some of which repeat."""
+    return _instants.flatmap(
+        lambda times: st.builds(
+            kind,
+            st.just(times),
+            st.tuples(*[values] * len(times)),
+            st.none() | st.integers(times[-1] + 1, 10**14),
+        )
+    )
+
+
 _losses = st.one_of(
-    st.builds(Bernoulli, _probabilities),
-    st.builds(GilbertElliott, st.floats(0.001, 1), _probabilities, _probabilities, _probabilities),
+    st.builds(Bernoulli, _probabilities, st.floats(0, 0.99)),
+    st.builds(GilbertElliott, _leaving, _leaving, _probabilities, _probabilities),
+    st.builds(GilbertElliottTime, _sojourns, _sojourns, _probabilities, _probabilities),
+    st.builds(Markov, _sojourns, _sojourns),
+    st.builds(BitError, _probabilities),
+    st.builds(Distance, _spreads, _levels, _levels, _levels, _spreads, _spreads, _spreads, st.none() | _sojourns),
+    _traces(LossTrace, _probabilities),
+    st.builds(
+        Frames,
+        st.lists(
+            _numbers | st.builds(lambda first, more: (first, first + more), _numbers, _numbers), min_size=1, max_size=4
+        ).map(tuple),
+    ),
 )
 _latencies = st.one_of(
     st.builds(Constant, _times),
-    st.builds(lambda low, span: Uniform(low, low + span), _times, _times),
-    st.builds(lambda floor, above, sd: Normal(floor + above, sd, floor), _times, _times, _times),
+    st.builds(lambda low, span, correlation: Uniform(low, low + span, correlation), _times, _sojourns, _correlations),
+    st.builds(
+        lambda kind, floor, above, sd, correlation: kind(floor + above, sd, floor, correlation),
+        st.sampled_from([Normal, Gamma, LogNormal]),
+        _times,
+        _sojourns,
+        _sojourns,
+        _correlations,
+    ),
     st.builds(Normal, _times, _times),
+    st.builds(Pareto, _sojourns, st.floats(1.01, 100), _correlations),
+    _traces(LatencyTrace, _times),
 )
 _media = st.one_of(
     st.just(FullDuplex()),
@@ -50,6 +100,7 @@ _changes = st.fixed_dictionaries(
         "mtu": st.integers(1, 10**6),
         "queue": st.builds(Queue, st.integers(1, 99), st.sampled_from(["drop-tail", "drop-head", "latest"])),
         "loss": st.lists(_losses, max_size=3).map(tuple),
+        "corruption": st.lists(_losses, max_size=3).map(tuple),
         "latency": _latencies,
     },
 ).filter(bool)
@@ -57,8 +108,9 @@ _changes = st.fixed_dictionaries(
 
 @given(_changes)
 def test_what_is_written_of_a_link_reads_back_equal(changes: dict[str, Any]) -> None:
-    """Through text and back every setting is equal, to the last bit of every model's parameters."""
+    """Through text and back every setting is equal, to the last bit of every model's parameters; as a fault too."""
     assert link_changes(json.loads(json.dumps(spelled(changes, LinkFields)))) == changes
+    assert from_plain(json.loads(json.dumps(to_plain(changes)))) == changes
 
 
 @pytest.mark.parametrize(

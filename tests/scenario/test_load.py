@@ -37,7 +37,7 @@ def test_every_part_is_read(load: Load) -> None:
         (
             "sd: 0.5 ms",
             "ds: 0.5 ms",
-            "example.yaml:13:34: links.latency.normal.ds: unknown field (known: mean, min, sd)",
+            "example.yaml:13:34: links.latency.normal.ds: unknown field (known: correlation, mean, min, sd)",
         ),
         ("cut: 1-2", "cutt: 1-2", "example.yaml:16:27: faults.0.cutt: unknown field (did you mean 'cut'?)"),
         ("duration: 10 s", "duration: 10 Hz", "example.yaml:3:11: duration: '10 Hz' is not a quantity here"),

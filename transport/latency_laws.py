@@ -1,0 +1,294 @@
+"""Random latencies: laws that are truncated below at a minimum, drawn by the inverse of their upper tail.
+
+Of a law with upper tail S(x) = P(X > x), cut off below m, x = S⁻¹(S(m)·v) with v uniform in (0, 1) has the truncated
+law: one draw per frame. Unless `min` is given, the cut is where a normal law has its mean − 3 sd: Φ(−3) = 0.135 % of
+the law lie below.
+
+`correlation` ρ: v = Φ(−z) with zₖ = ρzₖ₋₁ + √(1 − ρ²)·Φ⁻¹(uₖ), in the order of the frames (a Gaussian copula over an
+AR(1) process, Nelsen 2006, §2.3). The law of each latency stays exact; the correlation of latencies k apart is at most
+ρᵏ, and near it for laws that are nearly normal (Gebelein 1941).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import NormalDist
+
+from scipy.special import gammaincc, gammainccinv, gammaincinv
+
+from ..errors import BadInput
+from ..randomness import Stream
+from ..units import Nanoseconds
+from .stages import LatencyStage, Surroundings
+
+_STANDARD_NORMAL = NormalDist()
+_TRUNCATION_SD = 3
+_TRUNCATED = _STANDARD_NORMAL.cdf(-_TRUNCATION_SD)
+_BELOW_ONE = math.nextafter(1.0, 0.0)
+_ROOT_HALF = math.sqrt(0.5)
+
+
+def check_latency(name: str, value_ns: int) -> None:
+    """Refuse a latency below 0.
+
+    Raises:
+        BadInput: it is.
+    """
+    if value_ns < 0:
+        raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
+
+
+def _upper_tails(draws: Stream, correlation: float) -> Callable[[int], float]:
+    """Index → v, uniform in (0, 1)."""
+    if not correlation:
+        return lambda index: 1.0 - draws.uniform(index)
+    fresh = math.sqrt(1.0 - correlation**2)
+    last: float | None = None
+
+    def correlated(index: int) -> float:
+        nonlocal last
+        z = draws.normal(index)
+        last = z if last is None else correlation * last + fresh * z
+        return min(0.5 * math.erfc(last * _ROOT_HALF), _BELOW_ONE)
+
+    return correlated
+
+
+class _Law:
+    """What all laws have in common: one draw per frame, and how the draw of one hangs together with the next."""
+
+    correlation: float
+
+    @property
+    @abstractmethod
+    def minimum_ns(self) -> int:
+        """Where the law is cut off."""
+
+    @property
+    @abstractmethod
+    def mean_ns(self) -> float:
+        """Mean of the truncated law."""
+
+    @abstractmethod
+    def _quantile(self) -> Callable[[float], float]:
+        """From v in (0, 1) to the latency [ns] that is exceeded with probability v."""
+
+    def _check(self, spread_ns: int, mean_ns: int) -> None:
+        """Refuse correlation out of bounds or of nothing, and a minimum above the mean."""
+        if not -1.0 < self.correlation < 1.0:
+            raise BadInput(f"correlation is {self.correlation:g}, it must lie between −1 and 1: 0 for none")
+        if self.correlation and not spread_ns:
+            raise BadInput(
+                f"correlation is {self.correlation:g} of latencies that are all equal: spread them, or use 0"
+            )
+        check_latency("min", self.minimum_ns)
+        if self.minimum_ns > mean_ns:
+            raise BadInput(f"min is {self.minimum_ns} ns and mean {mean_ns} ns: min is at most the mean")
+
+    @property
+    def variance_inflation(self) -> float:
+        """(1 + |ρ|) / (1 − |ρ|): latencies k apart have a correlation of at most |ρ|ᵏ."""
+        return (1.0 + abs(self.correlation)) / (1.0 - abs(self.correlation))
+
+    def expected_ns(self, _end_ns: int) -> float:
+        """Mean of the truncated law."""
+        return self.mean_ns
+
+    def stage(self, around: Surroundings) -> LatencyStage:
+        """One draw per frame."""
+        minimum, quantile = self.minimum_ns, self._quantile()
+        upper_tail = _upper_tails(around.stream("latency"), self.correlation)
+        return lambda index, _end_ns: max(minimum, int(quantile(upper_tail(index))))
+
+
+@dataclass(frozen=True)
+class Uniform(_Law):
+    """Uniform between two bounds."""
+
+    low: Nanoseconds
+    high: Nanoseconds
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        check_latency("low", self.low)
+        if self.high < self.low:
+            raise BadInput(f"high is {self.high} ns and low {self.low} ns: high is at least low")
+        self._check(self.high - self.low, self.high)
+
+    @property
+    def minimum_ns(self) -> int:
+        """The lower bound."""
+        return self.low
+
+    @property
+    def mean_ns(self) -> float:
+        """The middle."""
+        return (self.low + self.high) / 2
+
+    def _quantile(self) -> Callable[[float], float]:
+        high, span = self.high, self.high - self.low
+        return lambda tail: high - span * tail
+
+
+@dataclass(frozen=True)
+class Normal(_Law):
+    """Normal with a mean and a standard deviation, truncated below at `min`: by default mean − 3 sd, at least 0."""
+
+    mean: Nanoseconds
+    sd: Nanoseconds
+    min: Nanoseconds | None = None
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        check_latency("mean", self.mean)
+        check_latency("sd", self.sd)
+        self._check(self.sd, self.mean)
+
+    @property
+    def minimum_ns(self) -> int:
+        """Where the law is cut off."""
+        return max(0, self.mean - _TRUNCATION_SD * self.sd) if self.min is None else self.min
+
+    @property
+    def _alpha(self) -> float:
+        return (self.minimum_ns - self.mean) / self.sd if self.sd else -math.inf
+
+    @property
+    def mean_ns(self) -> float:
+        """Of the truncated law: mean + sd·φ(α) / (1 − Φ(α)), α = (min − mean) / sd."""
+        return self.mean + self.sd * _STANDARD_NORMAL.pdf(self._alpha) / _STANDARD_NORMAL.cdf(-self._alpha)
+
+    def _quantile(self) -> Callable[[float], float]:
+        mean, sd, kept, inverse = self.mean, self.sd, _STANDARD_NORMAL.cdf(-self._alpha), _STANDARD_NORMAL.inv_cdf
+        return lambda tail: mean - sd * inverse(kept * tail)
+
+
+@dataclass(frozen=True)
+class Gamma(_Law):
+    """Gamma with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
+
+    Shape k = mean² / sd², scale θ = sd² / mean.
+    """
+
+    mean: Nanoseconds
+    sd: Nanoseconds
+    min: Nanoseconds | None = None
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        _check_spread(self.mean, self.sd)
+        self._check(self.sd, self.mean)
+
+    @property
+    def _shape(self) -> float:
+        return (self.mean / self.sd) ** 2
+
+    @property
+    def _scale_ns(self) -> float:
+        return self.sd * (self.sd / self.mean)
+
+    @cached_property
+    def minimum_ns(self) -> int:
+        """Where the law is cut off."""
+        return int(self._scale_ns * gammaincinv(self._shape, _TRUNCATED)) if self.min is None else self.min
+
+    @property
+    def mean_ns(self) -> float:
+        """Truncated: mean·Q(k + 1, min/θ) / Q(k, min/θ), Q the upper incomplete gamma function, regularised."""
+        cut = self.minimum_ns / self._scale_ns
+        return float(self.mean * gammaincc(self._shape + 1.0, cut) / gammaincc(self._shape, cut))
+
+    def _quantile(self) -> Callable[[float], float]:
+        shape, scale, inverse = self._shape, self._scale_ns, gammainccinv
+        kept = float(gammaincc(shape, self.minimum_ns / scale))
+        return lambda tail: scale * inverse(shape, kept * tail)
+
+
+@dataclass(frozen=True)
+class LogNormal(_Law):
+    """Log-normal with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
+
+    ln X ~ N(μ, σ²) with σ² = ln(1 + sd²/mean²), μ = ln mean − σ²/2.
+    """
+
+    mean: Nanoseconds
+    sd: Nanoseconds
+    min: Nanoseconds | None = None
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        _check_spread(self.mean, self.sd)
+        self._check(self.sd, self.mean)
+
+    @property
+    def _sigma(self) -> float:
+        return math.sqrt(math.log1p((self.sd / self.mean) ** 2))
+
+    @property
+    def _mu(self) -> float:
+        return math.log(self.mean) - self._sigma**2 / 2
+
+    @cached_property
+    def minimum_ns(self) -> int:
+        """Where the law is cut off."""
+        return int(math.exp(self._mu - _TRUNCATION_SD * self._sigma)) if self.min is None else self.min
+
+    @property
+    def _alpha(self) -> float:
+        return (math.log(self.minimum_ns) - self._mu) / self._sigma if self.minimum_ns else -math.inf
+
+    @property
+    def mean_ns(self) -> float:
+        """Of the truncated law: mean·Φ(σ − α) / (1 − Φ(α)), α = (ln min − μ) / σ."""
+        cdf = _STANDARD_NORMAL.cdf
+        return self.mean * cdf(self._sigma - self._alpha) / cdf(-self._alpha)
+
+    def _quantile(self) -> Callable[[float], float]:
+        mu, sigma, kept, inverse = self._mu, self._sigma, _STANDARD_NORMAL.cdf(-self._alpha), _STANDARD_NORMAL.inv_cdf
+        return lambda tail: math.exp(mu - sigma * inverse(kept * tail))
+
+
+@dataclass(frozen=True)
+class Pareto(_Law):
+    """Pareto: P(X > x) = (min / x)^shape from `min` on, a heavy tail. It has no variance for a shape of 2 or less."""
+
+    min: Nanoseconds
+    shape: float
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds: below a shape of 1 the law has no mean."""
+        if self.min < 1:
+            raise BadInput(f"min is {self.min} ns, a pareto latency starts above 0")
+        if not 1.0 < self.shape < math.inf:
+            raise BadInput(f"shape is {self.shape:g}, it must be above 1, or the latency has no mean")
+        self._check(self.min, self.min)
+
+    @property
+    def minimum_ns(self) -> int:
+        """Where the law begins."""
+        return self.min
+
+    @property
+    def mean_ns(self) -> float:
+        """min·shape / (shape − 1)."""
+        return self.min * self.shape / (self.shape - 1.0)
+
+    def _quantile(self) -> Callable[[float], float]:
+        least, power = self.min, -1.0 / self.shape
+        return lambda tail: least * tail**power
+
+
+def _check_spread(mean_ns: int, sd_ns: int) -> None:
+    """Refuse a law on positive numbers without a mean or a spread."""
+    for name, value_ns in (("mean", mean_ns), ("sd", sd_ns)):
+        if value_ns < 1:
+            raise BadInput(f"{name} is {value_ns} ns, it must be above 0: without spread use constant")

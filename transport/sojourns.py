@@ -1,0 +1,53 @@
+"""Exponential sojourns in nominal time, the clockwork of what changes by itself while nobody sends."""
+
+from __future__ import annotations
+
+import math
+
+from ..errors import BadInput
+from ..randomness import Stream
+
+SHORTEST_MEAN_NS = 100_000
+
+
+def check_mean(name: str, mean_ns: int) -> None:
+    """Refuse a mean sojourn that no frame could tell from independent losses, and that would take long to go through.
+
+    Raises:
+        BadInput: below 100 us.
+    """
+    if mean_ns < SHORTEST_MEAN_NS:
+        raise BadInput(f"{name} is {mean_ns} ns, it must be at least 100 us: what changes faster is bernoulli")
+
+
+class Sojourns:
+    """Sojourns with exponential lengths that follow each other from nominal time 0 on, numbered from 0.
+
+    The n-th takes its length from the n-th draw, with the n-th mean, over and over: which one an instant lies in is a
+    function of the instant alone, whatever was asked before. Asking in ascending order is fast.
+    """
+
+    __slots__ = ("_draws", "_means", "_number", "_since", "_until")
+
+    def __init__(self, draws: Stream, *means_ns: float) -> None:
+        self._draws = draws
+        self._means = means_ns
+        self._rewind()
+
+    def _rewind(self) -> None:
+        self._number = 0
+        self._since = 0
+        self._until = self._length(0)
+
+    def _length(self, number: int) -> int:
+        return math.ceil(-self._means[number % len(self._means)] * math.log(self._draws.uniform(number)))
+
+    def number(self, time_ns: int) -> int:
+        """Number of the sojourn that an instant lies in."""
+        if time_ns < self._since:
+            self._rewind()
+        while time_ns >= self._until:
+            self._number += 1
+            self._since = self._until
+            self._until += self._length(self._number)
+        return self._number
