@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from ..agents import registry
@@ -208,7 +208,7 @@ def _rate(group: LinkGroup) -> str:
 
 
 def _models(models: Sequence[Loss]) -> str:
-    return "\n".join(f"{_model(spelled(model))}, mean {_percent(model.mean)}" for model in models)
+    return "\n".join(f"{_shown(model)}, mean {_percent(model.mean)}" for model in models)
 
 
 def _percent(mean: float) -> str:
@@ -218,7 +218,7 @@ def _percent(mean: float) -> str:
 def _latency(group: LinkGroup) -> str:
     latency = group.settings.latency
     least, mean = f"{latency.minimum_ns / 1e6:.4g} ms", f"{latency.mean_ns / 1e6:.4g} ms"
-    return _model(spelled(latency)) if least == mean else f"{_model(spelled(latency))}; shortest {least}, mean {mean}"
+    return _shown(latency) if least == mean else f"{_shown(latency)}; shortest {least}, mean {mean}"
 
 
 def _presence(group: LinkGroup) -> str:
@@ -256,6 +256,13 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
     ("there", _presence),
     ("state", _flags),
 )
+
+
+def _shown(model: Any) -> str:
+    """A model as one line, without the fields that have their defaults."""
+    ((name, body),) = spelled(model).items()
+    usual = {field.name for field in fields(model) if getattr(model, field.name) == field.default}
+    return _model({name: {field: value for field, value in body.items() if field not in usual}})
 
 
 def _model(written: Any) -> str:

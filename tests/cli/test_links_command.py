@@ -92,7 +92,7 @@ def test_the_groups_as_json(volery: Volery) -> None:
     groups: list[dict[str, Any]] = json.loads(volery("links", "short.yaml", "--set", ODD, "--json").out)
     odd, plain, _ = groups
     assert (odd["links"], len(plain["links"])) == (["1>2"], 8)
-    assert odd["settings"]["latency"] == {"uniform": {"low": "1 ms", "high": "3 ms"}}
+    assert odd["settings"]["latency"] == {"uniform": {"low": "1 ms", "high": "3 ms", "correlation": 0.0}}
     assert (odd["mean_loss"], plain["mean_loss"]) == ([0.25], [])
     assert (odd["shortest_latency_ns"], odd["mean_latency_ns"]) == (1_000_000, 2_000_000.0)
     assert (odd["largest_payload"], odd["airtime_ns"]) == (44, 4_166_667)
@@ -106,6 +106,12 @@ def test_the_groups_as_json(volery: Volery) -> None:
     [
         ("links.bucket={rate: 10 kbit/s, burst: 100 B}", "bucket", "10 kbit/s, 100 B at once"),
         ("links.corruption=0.125", "corruption", "bernoulli 0.125, mean 12.5 %"),
+        ("links.corruption={bit-error: 1e-5}", "corruption", "bit-error 1e-05, mean varies"),
+        (
+            "links.corruption={trace: {times: [0 s, 1 s, 2 s, 3 s, 4 s], losses: [0, 1, 0, 1, 0.5]}}",
+            "corruption",
+            "trace times=5 values losses=5 values, mean 50 %",
+        ),
         ("links.reordering=false", "order", "kept"),
         ("links.cut=true", "state", "cut"),
         ("links.rate=null", "largest payload", "44 B on the air"),
