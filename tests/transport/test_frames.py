@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volery.transport.frames import PROMISE_ONLY, VERSION, DamagedFrame, Frame, decode, encode, promise
+from volery.transport.frames import PROMISE_ONLY, VERSION, AirFrame, DamagedFrame, Frame, decode, encode, promise
+from volery.transport.propagation import Copy
 
 whole = st.integers(0, 2**62)
 frames = st.builds(
@@ -23,6 +24,21 @@ frames = st.builds(
     payload=st.binary(max_size=60),
     sent=whole,
     promise_ns=st.none() | whole,
+    copy=st.integers(0, 1),
+)
+names = st.text("ab1", min_size=1, max_size=3)
+copies = st.builds(Copy, names, st.integers(0, 2**48), st.integers(0, 1), whole, st.sampled_from(["delivered", "loss"]))
+air_frames = st.builds(
+    AirFrame,
+    incarnation=st.integers(0, 2**14),
+    sequence=st.integers(-1, 2**48),
+    start_ns=whole,
+    airtime_ns=whole,
+    payload=st.binary(max_size=60),
+    sent=whole,
+    promise_ns=st.none() | whole,
+    copies=st.lists(copies, max_size=4).map(tuple),
+    shaded=st.lists(names, max_size=3).map(tuple),
 )
 
 
@@ -30,6 +46,18 @@ frames = st.builds(
 def test_a_frame_comes_back_as_it_was(frame: Frame) -> None:
     """Every field, with its type."""
     assert decode(encode(frame)) == frame
+
+
+@given(air_frames, names)
+def test_what_a_radio_sends_comes_back_with_what_arrives_where(air: AirFrame, target: str) -> None:
+    """Every field; each target gets its own arrivals, the payload only where nothing has happened to it."""
+    assert decode(encode(air)) == air
+    arrivals = air.for_target(target)
+    assert [(one.sequence, one.copy, one.due_ns, one.verdict) for one in arrivals] == [
+        tuple(copy)[1:] for copy in air.copies if copy.target == target
+    ]
+    assert all(one.payload == (air.payload if one.verdict == "delivered" else b"") for one in arrivals)
+    assert air.due_ns == min((copy.due_ns for copy in air.copies), default=air.start_ns)
 
 
 @given(whole, whole)
