@@ -23,7 +23,7 @@ class Hearing:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._ether = Ether()
+        self.ether = Ether()
         self._settled: deque[tuple[int, int, str, Frame]] = deque(maxlen=_SETTLED_KEPT)
         self._settled_end_ns = 0
         self._held: dict[str, list[Event]] = {}
@@ -60,7 +60,7 @@ class Hearing:
     def _overhear(self, source: str, air: AirFrame) -> None:
         """Note the interval; where it would have destroyed a frame whose fate is settled, it is late."""
         end = air.start_ns + air.airtime_ns
-        self._ether.hear(air.start_ns, end, source)
+        self.ether.hear(air.start_ns, end, source)
         if air.start_ns >= self._settled_end_ns:
             return
         for begun, ended, other, frame in self._settled:
@@ -78,7 +78,7 @@ class Hearing:
             return
         start, end = frame.start_ns, frame.start_ns + frame.airtime_ns
         outlet = node.sending.outlet_of[source]
-        collided = outlet == AIR and self._ether.collided(start, end, source)
+        collided = outlet == AIR and self.ether.collided(start, end, source)
         deaf = node.sending.outlets[outlet].transceiver.deaf(start, end)
         became = fate(frame.verdict, deaf=deaf, collided=collided)
         node.journal.heard.append(Heard(source, frame.incarnation, frame.sequence, frame.due_ns, became, frame.copy))

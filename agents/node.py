@@ -27,6 +27,7 @@ from ..transport.events import (
     SOURCE,
     TIME,
     TIMER,
+    TRANSMIT,
     Event,
 )
 from ..transport.faults import ClockFault, Fault, Kill, LinkFault, Pause, effective
@@ -336,9 +337,9 @@ class Node:
         starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
-            if rank >= OFFER:
+            if rank >= OFFER and not (rank == TRANSMIT and self.sending.contends(event[SOURCE])):
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif time_ns < acts and not (on_timers and isinstance(event[DATA], Frame)):
+            elif rank < OFFER and time_ns < acts and not (on_timers and isinstance(event[DATA], Frame)):
                 acts = time_ns
             if rank == FAULT:
                 for name in self._accesses_changed(event):

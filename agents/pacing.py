@@ -331,9 +331,13 @@ class Lockstep:
             self._done()
 
     def _unheard(self) -> set[str]:
-        """Who may still transmit while the next frame from the air is on it, and destroy it."""
+        """Who may still transmit while the next frame from the air is on it, or while the radio listens."""
         event = self._node.heap[0] if self._on_air and self._node.heap else None
-        if event is None or not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
+        if event is None:
+            return set()
+        if self._node.sending.senses(event):
+            return self._horizon.silent_before(event[TIME], self._on_air)
+        if not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
             return set()
         return self._horizon.silent_before(event[DATA].start_ns + event[DATA].airtime_ns, self._on_air)
 

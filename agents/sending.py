@@ -10,12 +10,14 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from ..errors import BadInput
+from ..randomness import stream
 from ..topologies import natural_key
 from ..transport.clock import Clock
-from ..transport.events import DATA, FOREVER_NS, OFFER, SOURCE, TIME, TRANSMIT, Event
+from ..transport.csma import Contention, Csma
+from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, SOURCE, TIME, TRANSMIT, Event
 from ..transport.frames import AirFrame, Frame, Message
-from ..transport.links import DELIVERED, LinkSettings
-from ..transport.media import AIR, on_air
+from ..transport.links import ACCESS, DELIVERED, LinkSettings
+from ..transport.media import AIR, HalfDuplex, on_air
 from ..transport.propagation import Propagation
 from ..transport.stages import Surroundings
 from ..transport.transmitter import Transmission, Transmitter
@@ -52,7 +54,24 @@ class Sending:
             self.outlets[AIR] = Transmitter(shared, *node.plan.slots.get(node.name, (0, 1)))
         self.outlet_of = {way.target: name for name, outlet in self.outlets.items() for way in outlet.ways}
         self.sent = dict.fromkeys(self.outlets, 0)
+        self.contention: Contention | None = None
+        self._accesses = 0
+        if shared:
+            self._set_access()
         self.awaited: dict[str, int] = {}
+
+    def _set_access(self) -> None:
+        """Contend by carrier sense from now on, or no more, as the radio's settings say."""
+        medium = self.outlets[AIR].settings.medium
+        access = medium.access if isinstance(medium, HalfDuplex) else None
+        if access == (self.contention.access if self.contention else None):
+            return
+        node = self._node
+        self.contention = None
+        if isinstance(access, Csma):
+            self._accesses += 1
+            words = (node.name, str(node.incarnation), str(self._accesses))
+            self.contention = Contention(access, stream(node.plan.seed, "backoff", *words))
 
     def _way(self, target: str) -> Propagation:
         node, plan = self._node, self._node.plan
@@ -97,6 +116,47 @@ class Sending:
         self._drop(self.outlets[name].offer(event[TIME], *event[DATA]), event[TIME], "queue")
         self._pump(name, event[TIME])
 
+    def senses(self, event: Event) -> bool:
+        """Whether at this event the radio has listened to the channel, and decides by what it heard."""
+        return event[HANDLER] == self._on_sensed
+
+    def contends(self, name: str) -> bool:
+        """Whether an outlet gets hold of its medium by carrier sense."""
+        return name == AIR and self.contention is not None
+
+    def _contend(self, contention: Contention, from_ns: int) -> None:
+        """Listen for the frame at the head of the queue, if none is in hand."""
+        if contention.idle and self.outlets[AIR].waiting():
+            self._listen(contention.begin(max(from_ns, self.outlets[AIR].free_at)))
+
+    def _listen(self, until_ns: int) -> None:
+        self._count += 1
+        self._node.schedule(until_ns, TRANSMIT, AIR, self._count, self._on_sensed, None)
+
+    def _on_sensed(self, event: Event) -> None:
+        contention, now_ns = self.contention, event[TIME]
+        if self._node.dead or contention is None or contention.sense_ns != now_ns:
+            return
+        busy = self._node.hearing.ether.busy(now_ns - contention.access.cca, now_ns)
+        if not contention.sensed(now_ns, busy=busy):
+            self._drop(self.outlets[AIR].give_up(), now_ns, ACCESS)
+            self._contend(contention, now_ns)
+        elif contention.start_ns is not None:
+            self._count += 1
+            self._node.schedule(contention.start_ns, TRANSMIT, AIR, self._count, self._on_free, None)
+        elif contention.sense_ns is not None:
+            self._listen(contention.sense_ns)
+
+    def _on_free(self, event: Event) -> None:
+        """The channel was free, and the radio has turned round."""
+        contention = self.contention
+        if self._node.dead or contention is None or contention.start_ns != event[TIME]:
+            return
+        contention.started()
+        transmission = self.outlets[AIR].transmit(event[TIME])
+        self._contend(contention, event[TIME])
+        self._transmit(AIR, transmission)
+
     def _on_transmit(self, event: Event) -> None:
         if self._node.dead:
             return
@@ -107,6 +167,9 @@ class Sending:
 
     def _pump(self, name: str, now_ns: int) -> None:
         """Start the next frame if it may start now; while frames wait, there is an event for the next start."""
+        if name == AIR and self.contention is not None:
+            self._contend(self.contention, now_ns)
+            return
         outlet = self.outlets[name]
         start = outlet.next_start(now_ns)
         if start is None or start > now_ns:
@@ -133,6 +196,8 @@ class Sending:
         return self.awaited.get(transmit[SOURCE]) == transmit[TIME]
 
     def _come_back(self, name: str, start: int | None) -> None:
+        if self.contends(name):
+            return
         if start is not None and start < self.awaited.get(name, FOREVER_NS):
             self.awaited[name] = start
             self._count += 1
@@ -159,6 +224,10 @@ class Sending:
         """A link has new settings from now on."""
         name = self.outlet_of[target]
         self.outlets[name].change(target, settings)
+        if name == AIR:
+            self._set_access()
+            if self.contention is not None:
+                self._contend(self.contention, self._node.now_ns)
         self._come_back(name, self.outlets[name].next_start(self._node.now_ns))
 
     def set_clock(self, clock: Clock) -> None:
@@ -168,11 +237,14 @@ class Sending:
             self._come_back(name, outlet.next_start(self._node.now_ns))
 
     def earliest_starts(self, ready_ns: Mapping[str, int]) -> dict[str, int]:
-        """Outlet → earliest start of a frame that is not offered before an instant; for ever stays for ever."""
-        return {
+        """Outlet → earliest start of a frame in hand, or not offered before an instant; for ever stays for ever."""
+        starts = {
             name: ready if ready >= FOREVER_NS else self.outlets[name].earliest_next(ready)
             for name, ready in ready_ns.items()
         }
+        if AIR in starts and self.contention is not None:
+            starts[AIR] = min(starts[AIR], self.contention.earliest_ns())
+        return starts
 
     def finish(self) -> None:
         """Write down which frames still wait for their transmitter."""

@@ -11,7 +11,7 @@ from ..errors import BadInput
 from ..transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ..transport.links import LinkSettings
 from ..transport.losses import Distance
-from ..transport.media import EDGE_SLOTS, Aloha, HalfDuplex, on_air
+from ..transport.media import EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
 from .reading import Loc, Problem
 from .writing import ACCESS_NAMES
 
@@ -59,7 +59,7 @@ def settings_problems(
     medium = settings.medium
     if on_air(medium) and settings.rate is None:
         yield "rate", "a radio that several neighbours hear needs a rate: without airtime nothing could collide"
-    if isinstance(medium, HalfDuplex) and not isinstance(medium.access, Aloha):
+    if isinstance(medium, HalfDuplex) and isinstance(medium.access, SlottedAloha | Tdma):
         airtime_ns, usable_ns = settings.airtime_ns(payload_bytes or 0), medium.access.usable_ns(slots)
         if airtime_ns > usable_ns:
             slot = f"{ACCESS_NAMES[type(medium.access)]} slot, of which {max(0, usable_ns) / 1e6:.3f} ms can be used"

@@ -14,6 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
 
 from ..errors import BadInput
+from ..transport.csma import Csma
 from ..transport.latencies import LATENCIES, Latency, LatencyTrace
 from ..transport.links import Bucket, LinkSettings, Queue
 from ..transport.losses import LOSSES, Loss, LossTrace
@@ -25,7 +26,7 @@ from .reading import describe
 from .traces import read_trace
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
-ACCESSES: dict[str, Any] = {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma}
+ACCESSES: dict[str, Any] = {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma, "csma": Csma}
 
 T = TypeVar("T")
 

@@ -7,13 +7,14 @@ from dataclasses import MISSING, fields, is_dataclass
 from fractions import Fraction
 from typing import Any, get_args, get_type_hints
 
+from ..transport.csma import Csma
 from ..transport.latencies import LATENCIES
 from ..transport.losses import LOSSES
 from ..transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from ..units import Unit, parse
 
 _UNITS = {"ns": ("s", "ms", "us", "ns"), "bit/s": ("Mbit/s", "kbit/s", "bit/s"), "rad": ("deg", "rad")}
-ACCESS_NAMES: dict[type, str] = {Aloha: "aloha", SlottedAloha: "slotted-aloha", Tdma: "tdma"}
+ACCESS_NAMES: dict[type, str] = {Aloha: "aloha", SlottedAloha: "slotted-aloha", Tdma: "tdma", Csma: "csma"}
 _NAMES: dict[type, str] = {
     **{model: name for models in (LOSSES, LATENCIES) for name, model in models.items()},
     **ACCESS_NAMES,

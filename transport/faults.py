@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Literal
 
 from ..errors import BadInput
+from .csma import Csma
 from .latencies import LATENCIES
 from .links import NANOSECONDS, Bucket, LinkSettings, Queue
 from .losses import LOSSES
@@ -148,6 +149,7 @@ _KINDS: dict[str, Any] = {
             Aloha,
             SlottedAloha,
             Tdma,
+            Csma,
         ),
         LOSSES.values(),
         LATENCIES.values(),

@@ -29,6 +29,8 @@ DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
     "corrupt",
 )
 """Fates of a frame on the air, in the order in which they count where causes overlap."""
+ACCESS = "access"
+"""Fate of a frame whose radio gave up after attempts to get hold of the medium."""
 
 
 def duration_ns(bits: int, rate: float) -> int:

@@ -14,6 +14,7 @@ from typing import Literal
 
 from ..errors import BadInput
 from ..units import Hertz, Nanoseconds, period_ns
+from .csma import Csma
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Tdma:
             cycle += 1
 
 
-Access = Aloha | SlottedAloha | Tdma
+Access = Aloha | SlottedAloha | Tdma | Csma
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,11 @@ class HalfDuplex:
 
     per: Literal["edge", "node"] = "edge"
     access: Access = Aloha()
+
+    def __post_init__(self) -> None:
+        """Carrier sense is for radios."""
+        if self.per == "edge" and isinstance(self.access, Csma):
+            raise BadInput("csma listens for all that a radio hears: write per: node, or take aloha or tdma on edges")
 
 
 Medium = FullDuplex | HalfDuplex
@@ -160,6 +166,10 @@ class Ether:
         """Note a transmission in [start, end)."""
         insort(self._heard, (start_ns, end_ns, source))
         self._longest = max(self._longest, end_ns - start_ns)
+
+    def busy(self, start_ns: int, end_ns: int) -> bool:
+        """Whether anybody was heard in [start, end)."""
+        return self.collided(start_ns, end_ns, "")
 
     def collided(self, start_ns: int, end_ns: int, source: str) -> bool:
         """Whether [start, end) overlaps a transmission of another source."""

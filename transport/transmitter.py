@@ -156,6 +156,16 @@ class Transmitter:
         """Whether nothing that is offered later can take the place of a frame that waits."""
         return self.settings.queue.policy == "drop-tail"
 
+    def give_up(self) -> Numbered:
+        """Throw out the frame at the head of the queue; what it was."""
+        self._head_start = None
+        return self._waiting.popleft().targets
+
+    @property
+    def free_at(self) -> int:
+        """When the frame that was started last has left."""
+        return self._free_at
+
     def transmit_ahead(self, start_ns: int) -> Transmission:
         """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""
         self._ahead.append(start_ns)

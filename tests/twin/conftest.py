@@ -16,6 +16,7 @@ from volery.agents.plan import AgentPlan, Plan, World
 from volery.experiments.record import Collector, Record
 from volery.experiments.slots import radio_slots
 from volery.experiments.twin import Twin
+from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Normal, Uniform
 from volery.transport.links import LinkSettings, Queue
@@ -237,7 +238,7 @@ def _faults(rng: np.random.Generator, edges: list[tuple[str, str]]) -> list[Faul
 
 def _radio_links(rng: np.random.Generator, edges: list[tuple[str, str]]) -> dict[tuple[str, str], LinkSettings]:
     """Links over one radio each: what a radio has is alike, loss and latency are each link's own."""
-    access = _one(rng, Aloha(), SlottedAloha(4 * MS), Tdma(40.0, int(rng.integers(0, 400_000))))
+    access = _one(rng, Aloha(), SlottedAloha(4 * MS), Tdma(40.0, int(rng.integers(0, 400_000))), Csma())
     common = replace(_settings(rng, HalfDuplex("node", access)), rate=_one(rng, 250_000.5, 1e6))
     return {
         link: replace(common, loss=_loss(rng), latency=_latency(rng), duplication=_one(rng, 0.0, 0.3))

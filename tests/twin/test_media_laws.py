@@ -16,6 +16,7 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.record import Record
 from volery.experiments.slots import radio_slots
+from volery.transport.csma import Csma
 from volery.transport.faults import LinkFault, effective
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -116,6 +117,33 @@ def test_slotted_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Rec
     offered, heard = throughputs(record)
     assert_mean(offered, load)
     assert_mean(heard, load * (1 - chance) ** (LEAVES - 1))
+
+
+@pytest.mark.parametrize("load", [0.5, 2.0, 6.0])
+def test_carrier_sense_without_backoff(load: float, plan_of: Any, twin_run: Callable[[Plan], Record]) -> None:
+    """Non-persistent CSMA (Kleinrock and Tobagi 1975, (9)), with the time that listening takes.
+
+    In units of the airtime T, with a = turnaround / T and c = cca / T, a cycle has an attempt that finds the channel
+    free, others within a that do not hear it yet, the frames, the last of which keeps the channel from being found
+    free for c more, and the silence until the next attempt: S = e^(−aG) / (1 + 2a + c − (1 − e^(−aG))/G + 1/G).
+    G is the rate of attempts as it was; that they are Poisson holds for many radios, so a systematic 2 % is allowed.
+    """
+    access = Csma(min_be=0, max_be=0, max_backoffs=0)
+    count = 24
+    edges = [(str(a), str(b)) for a in range(1, count + 1) for b in range(a + 1, count + 1)]
+    settings = LinkSettings(medium=HalfDuplex("node", access), rate=RATE, latency=Constant(MS))
+    share = load / count
+    rate = share / (1 - min(share, 0.9)) / (AIRTIME_NS / 1e9)
+    each = {str(name): ShoutParameters(rate=rate) for name in range(2, count + 1)} | {HUB: ShoutParameters()}
+    record = twin_run(plan_of(edges, Shouter, settings, (), 40_000, parameters=each, compute_ns=0))
+    sent = sum(len(batch.sent) for batch in record.batches.values())
+    gave_up = sum(entry.cause == "access" for batch in record.batches.values() for entry in batch.dropped)
+    heard = sum(entry.fate == "delivered" for entry in record.batches[HUB, 0].heard)
+    frames = 40.0 / (AIRTIME_NS / 1e9)
+    attempts, a, c = (sent + gave_up) / frames, access.turnaround / AIRTIME_NS, access.cca / AIRTIME_NS
+    clear = math.exp(-a * attempts)
+    expected = clear / (1 + 2 * a + c - (1 - clear) / attempts + 1 / attempts)
+    assert heard / frames == pytest.approx(expected, rel=0.02 + 3 / heard**0.5)
 
 
 def intervals(record: Record, radio: bool) -> Iterable[list[tuple[int, int]]]:

@@ -1,0 +1,108 @@
+"""Carrier sense: the unslotted CSMA-CA of IEEE 802.15.4 (2006, 7.5.1.4), without acknowledgement.
+
+Before each frame a radio waits a random number of backoff periods, then listens for `cca`. If it heard nothing, it
+turns round and transmits; else it waits again, up to twice as long, and gives up after `max_backoffs` more attempts.
+Two radios collide where one begins to transmit after the other has listened: within the turnaround, or because they do
+not hear each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import BadInput
+from ..randomness import Stream
+from ..units import Nanoseconds
+from .events import FOREVER_NS
+
+_MICROSECOND_NS = 1_000
+_ATTEMPTS = 16
+"""Draws that each frame has of its own."""
+
+
+@dataclass(frozen=True)
+class Csma:
+    """Parameters of carrier sense, by default those of the standard with the 16 µs symbols of the 2450 MHz band.
+
+    In its words: macMinBE, macMaxBE, macMaxCSMABackoffs, aUnitBackoffPeriod (20 symbols), the clear channel assessment
+    (8 symbols) and aTurnaroundTime (12 symbols).
+    """
+
+    min_be: int = 3
+    max_be: int = 5
+    max_backoffs: int = 4
+    period: Nanoseconds = 320 * _MICROSECOND_NS
+    cca: Nanoseconds = 128 * _MICROSECOND_NS
+    turnaround: Nanoseconds = 192 * _MICROSECOND_NS
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if not 0 <= self.min_be <= self.max_be <= 30:
+            raise BadInput(f"min_be is {self.min_be} and max_be {self.max_be}: write 0 ≤ min_be ≤ max_be ≤ 30")
+        if not 0 <= self.max_backoffs < _ATTEMPTS:
+            raise BadInput(f"max_backoffs is {self.max_backoffs}, it is at least 0 and below {_ATTEMPTS}")
+        if self.period < 1 or self.cca < 1 or self.turnaround < 1:
+            raise BadInput("period, cca and turnaround are above 0")
+
+    def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
+        """The earliest that a frame can start which is not offered before `ready_ns`: without any backoff."""
+        return ready_ns + self.cca + self.turnaround
+
+
+class Contention:
+    """One radio's attempts to get hold of the channel: a state machine without a clock.
+
+    While it contends, `sense_ns` is when it has listened; once it has found the channel free, `start_ns` is when its
+    frame starts.
+    """
+
+    __slots__ = ("_attempt", "_draws", "_exponent", "_frames", "access", "sense_ns", "start_ns")
+
+    def __init__(self, access: Csma, draws: Stream) -> None:
+        self.access = access
+        self.sense_ns: int | None = None
+        self.start_ns: int | None = None
+        self._draws = draws
+        self._frames = 0
+        self._attempt = 0
+        self._exponent = access.min_be
+
+    @property
+    def idle(self) -> bool:
+        """Whether it is neither listening nor about to transmit."""
+        return self.sense_ns is None and self.start_ns is None
+
+    def earliest_ns(self) -> int:
+        """The earliest that the frame in hand can start; for ever without one."""
+        if self.start_ns is not None:
+            return self.start_ns
+        return FOREVER_NS if self.sense_ns is None else self.sense_ns + self.access.turnaround
+
+    def begin(self, now_ns: int) -> int:
+        """Contend for the next frame from now on; when the channel will have been listened to."""
+        self._attempt, self._exponent = 0, self.access.min_be
+        self._frames += 1
+        self.start_ns = None
+        return self._wait(now_ns)
+
+    def _wait(self, now_ns: int) -> int:
+        draw = self._draws.uniform(self._frames * _ATTEMPTS + self._attempt)
+        self.sense_ns = now_ns + int(draw * 2**self._exponent) * self.access.period + self.access.cca
+        return self.sense_ns
+
+    def sensed(self, now_ns: int, *, busy: bool) -> bool:
+        """What was heard until now; False if it gives up. Otherwise `start_ns` or the next `sense_ns` is set."""
+        self.sense_ns = None
+        if not busy:
+            self.start_ns = now_ns + self.access.turnaround
+            return True
+        self._attempt += 1
+        self._exponent = min(self._exponent + 1, self.access.max_be)
+        if self._attempt > self.access.max_backoffs:
+            return False
+        self._wait(now_ns)
+        return True
+
+    def started(self) -> None:
+        """The frame is on the air."""
+        self.start_ns = None
