@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
 from ..transport.faults import LinkFault, LinkName, effective
 from ..transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
-from ..transport.losses import GilbertElliott, Loss
+from ..transport.losses import expected_loss, loss_stages, loss_variance
 from ..transport.media import on_air
+from ..transport.stages import Surroundings
 from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
 from .record import Record
 from .stories import Story
 
+_Place = Callable[[int], Surroundings]
 _ROUNDING_NS = 1.0
 _BY_CHANCE = 4
 """Comparisons of a link that chance has a part in: loss, corruption, duplication, latency."""
@@ -93,7 +95,17 @@ def channels(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dic
     for (source, target), mine in sent.items():
         if on_air(record.plan.links[source, target].medium):
             radios.setdefault(source, {}).update({(frame.incarnation, frame.start_ns): frame for frame in mine})
-    return {link: _channel(mine, radios.get(link[0], {}), alpha) for link, mine in sent.items()}
+    return {link: _channel(mine, radios.get(link[0], {}), _place(record, link), alpha) for link, mine in sent.items()}
+
+
+def _place(record: Record, link: LinkName) -> _Place:
+    """The surroundings of a link's stages in each life of its source."""
+    plan, (source, target) = record.plan, link
+
+    def distance_m(time_ns: int) -> float:
+        return plan.distance_m(source, target, time_ns)
+
+    return lambda incarnation: Surroundings.of(plan.seed, source, target, incarnation, distance_m)
 
 
 def _transmissions(course: LinkCourse, frames: Sequence[Story]) -> Iterator[_Transmission]:
@@ -105,7 +117,9 @@ def _transmissions(course: LinkCourse, frames: Sequence[Story]) -> Iterator[_Tra
         yield _Transmission(frame.incarnation, frame.sequence, frame.copy, size, start, airtime, due, verdict, settings)
 
 
-def _channel(sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Transmission], alpha: float) -> Channel:
+def _channel(
+    sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Transmission], place: _Place, alpha: float
+) -> Channel:
     """Compare one link; `radio`: what the radio that it goes over transmitted, by incarnation and start."""
     originals = [frame for frame in sent if not frame.copy]
     uncut = [frame for frame in originals if frame.verdict != CUT]
@@ -113,8 +127,8 @@ def _channel(sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Tra
     intact = [frame for frame in kept if frame.verdict != CORRUPT]
     return Channel(
         frames=len(originals),
-        loss=_swallowed(uncut, "loss", LOST, alpha),
-        corruption=_swallowed(kept, "corruption", CORRUPT, alpha),
+        loss=_swallowed(uncut, place, "loss", LOST, alpha),
+        corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
         duplication=_duplication(intact, len(sent) - len(originals), alpha),
         latency=_latency(sent, alpha),
         rate=_rate(originals),
@@ -122,30 +136,19 @@ def _channel(sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Tra
     )
 
 
-def _swallowed(frames: Sequence[_Transmission], field: str, verdict: str, alpha: float) -> Comparison:
+def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdict: str, alpha: float) -> Comparison:
     """Frames that the models of a field swallow; the models begin anew where they change and with each life."""
     expected: list[float] = []
     variance = 0.0
-    for (_, models), stretch in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
-        mine = [expected_loss(models)] * sum(1 for _ in stretch)
+    for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
+        stretch = list(group)
+        stages = loss_stages(models, place(life), "" if verdict == LOST else field)
+        mine = [
+            expected_loss(stages, frame.sequence, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
+        ]
         expected += mine
-        variance += loss_variance(models, mine)
+        variance += loss_variance(models, [frame.start_ns for frame in stretch], mine)
     return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
-
-
-def expected_loss(models: Sequence[Loss]) -> float:
-    """Probability that a sum of models loses a frame: 1 − Π(1 − pₘ)."""
-    return 1.0 - math.prod(1.0 - model.mean for model in models)
-
-
-def loss_variance(models: Sequence[Loss], expected: Sequence[float]) -> float:
-    """Long-run variance of the number of frames lost: Σ p(1 − p), and what bursts add to it."""
-    bursts = 0.0
-    for model in models:
-        if isinstance(model, GilbertElliott):
-            bad, memory = model.stationary_bad, 1 - model.to_bad - model.to_good
-            bursts += 2 * (model.loss_bad - model.loss_good) ** 2 * bad * (1 - bad) * memory / (1 - memory)
-    return math.fsum(p * (1 - p) for p in expected) + max(bursts, 0.0) * len(expected)
 
 
 def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> Comparison:
@@ -155,16 +158,18 @@ def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> 
 
 def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
     asked, got = [], []
-    held_up, last_due, life = False, -1, 0
+    held_up, last_due, life, inflation = False, -1, 0, 1.0
     for frame in sent:
         if frame.incarnation != life:
             last_due, life = -1, frame.incarnation
         held_up |= not frame.settings.reordering and frame.due_ns == last_due
         last_due = max(last_due, frame.due_ns)
         if not frame.copy:
-            asked.append(frame.settings.latency.mean_ns)
+            model = frame.settings.latency
+            inflation = max(inflation, model.variance_inflation)
+            asked.append(model.expected_ns(frame.start_ns + frame.airtime_ns))
             got.append(frame.due_ns - frame.start_ns - frame.airtime_ns)
-    found = compare_mean(asked, got, 1.0, alpha, _ROUNDING_NS)
+    found = compare_mean(asked, got, inflation, alpha, _ROUNDING_NS)
     if held_up and found.decision != "within":
         return replace(found, decision="not comparable")
     return found

@@ -16,9 +16,9 @@ from volery.experiments.metrics import compute_metrics
 from volery.experiments.record import Collector, Record
 from volery.experiments.stories import stories
 from volery.transport.faults import LinkFault
-from volery.transport.latencies import Constant, Normal
+from volery.transport.latencies import Constant, Gamma, LatencyTrace, Normal, Uniform
 from volery.transport.links import Bucket, LinkSettings, Queue
-from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.losses import Bernoulli, BitError, GilbertElliott, GilbertElliottTime, LossTrace, Markov
 from volery.transport.media import FullDuplex, HalfDuplex, Medium
 
 MS = 1_000_000
@@ -94,6 +94,26 @@ def test_what_is_not_as_asked_is_outside(everything: Record, quantity: str, aske
     assert fidelity.outside[0].startswith(f"{quantity} of 1→2: ")
     assert f"{quantity} of 1→2" in fidelity.verdict
     assert fidelity.decisions.get(quantity) == {"outside": 2}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "settings",
+    [
+        LinkSettings(loss=(Bernoulli(0.2, correlation=0.6),), latency=Normal(20 * MS, 2 * MS, correlation=0.5)),
+        LinkSettings(loss=(Markov(1000 * MS, 300 * MS),), latency=Gamma(20 * MS, 5 * MS, correlation=-0.5)),
+        LinkSettings(loss=(BitError(1e-3), GilbertElliottTime(2000 * MS, 400 * MS, 0.8)), latency=Uniform(MS, 9 * MS)),
+        LinkSettings(
+            loss=(LossTrace((0, 30_000 * MS), (0.1, 0.7)),), latency=LatencyTrace((0, MS), (MS, 3 * MS), 7 * MS)
+        ),
+    ],
+    ids=["correlated", "markov", "sum", "trace"],
+)
+def test_bounds_know_the_models(plan_of: Make, twin_run: TwinRun, settings: LinkSettings, seed: int) -> None:
+    """Losses in bursts, of long frames, over time, and correlated latencies: sound runs are never outside."""
+    record = twin_run(replace(plan_of([LINK], 60_000, settings=settings), seed=seed))
+    assert set(decisions(record).values()) <= {"within", "too few", "nothing"}
+    assert decisions(record)["latency"] == "within"
 
 
 def test_settings_are_read_when_the_transmission_starts(plan_of: Make, twin_run: TwinRun) -> None:
