@@ -147,7 +147,7 @@ def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdi
             expected_loss(stages, frame.sequence, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
         ]
         expected += mine
-        variance += loss_variance(models, [frame.start_ns for frame in stretch], mine)
+        variance += loss_variance(models, [(frame.sequence, frame.start_ns) for frame in stretch], mine)
     return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
 
 
