@@ -7,19 +7,16 @@ Usage: python docs/links.py FIGURE|all [--out docs/images/links]
 from __future__ import annotations
 
 import argparse
-import statistics
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from link_models import bit_error, correlation, corruption, distance, latency, loss, order, time_loss, trace
 from matplotlib import style
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, planned, settings_of, simulate, space_time
 
 from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
-from volery.transport.latencies import Latency
-from volery.transport.losses import Loss
-from volery.transport.stages import Surroundings
 
 # -- airtime and queue --------------------------------------------------------------------------------------------
 
@@ -134,102 +131,6 @@ def access(figure: Figure) -> Iterator[str]:
     legend(figure, "delivered", "half-duplex", "collision")
 
 
-# -- loss ---------------------------------------------------------------------------------------------------------
-
-
-def lost(model: Loss, count: int, link: str = "2", every_ns: int = 10_000_000) -> list[bool]:
-    """Which of so many frames a model loses, on the link from 1 to `link`."""
-    stage = model.stage(Surroundings.of(1, "1", link))
-    return [stage.lost(index, index * every_ns, 400) for index in range(count)]
-
-
-def bursts(losses: Sequence[bool]) -> list[int]:
-    """Lengths of the runs of lost frames."""
-    return [len(run) for run in "".join("x" if one else "." for one in losses).split(".") if run]
-
-
-def loss(figure: Figure) -> Iterator[str]:
-    """Eight links with 200 frames each; a dark tick is a lost frame."""
-    figure.set_size_inches(WIDTH_IN, 3.0)
-    kinds = (
-        ("bernoulli", "{bernoulli: 0.2}"),
-        ("gilbert-elliott", "{gilbert-elliott: {to_bad: 0.025, to_good: 0.1}}"),
-    )
-    for (name, written), axes in zip(kinds, figure.subplots(len(kinds), 1, sharex=True), strict=True):
-        (model,) = settings_of(f"links.loss={written}").loss
-        for row in range(8):
-            where = np.flatnonzero(lost(model, 200, str(row + 2)))
-            axes.vlines(where, row - 0.4, row + 0.4, color=VERMILION, lw=1.4)
-        axes.set_title(name, loc="left")
-        axes.set_yticks([])
-        axes.set_ylabel("link")
-        many = lost(model, 100_000)
-        mean, length = statistics.fmean(many), statistics.fmean(bursts(many))
-        yield f"{name}: {mean:.1%} of 100,000 frames lost, {model.mean:.1%} asked; {length:.1f} frames a burst"
-    axes.set_xlim(0, 200)
-    axes.set_xlabel("frame")
-
-
-def corruption(figure: Figure) -> Iterator[str]:
-    """Frames that arrive damaged, and frames that arrive twice."""
-    figure.set_size_inches(WIDTH_IN, 1.9)
-    record = simulate(
-        "agents={kind: beacon, talkers: [1], rate: 50 Hz, phase: aligned, size: 50 B}",
-        "links={rate: 100 kbit/s, latency: {uniform: {low: 5 ms, high: 25 ms}}, corruption: 0.2, duplication: 0.2}",
-    )
-    space_time(figure.subplots(), record, 0, 320)
-    legend(figure, "delivered", "corrupt")
-    copies = sum(sent.copy for sent, _, _ in frames(record, "1", "2"))
-    yield f"corruption 0.2, duplication 0.2: {counts(record)}, {copies} of them copies"
-
-
-# -- latency ------------------------------------------------------------------------------------------------------
-
-
-def delays(model: Latency, count: int) -> list[float]:
-    """Latencies of so many frames on one link [ms]."""
-    stage = model.stage(Surroundings.of(1, "1", "2"))
-    return [stage(index, index * 10_000_000) / MS for index in range(count)]
-
-
-def latency(figure: Figure) -> Iterator[str]:
-    """How the latencies of 20,000 frames spread, for each law."""
-    figure.set_size_inches(WIDTH_IN, 2.2)
-    laws = (
-        ("constant", "{constant: 10 ms}"),
-        ("uniform", "{uniform: {low: 5 ms, high: 15 ms}}"),
-        ("normal", "{normal: {mean: 10 ms, sd: 3 ms}}"),
-    )
-    for (name, written), axes in zip(laws, figure.subplots(1, len(laws), sharex=True), strict=True):
-        model = settings_of(f"links.latency={written}").latency
-        found = delays(model, 20_000)
-        axes.hist(found, np.arange(0, 25.5, 0.5), color=SKY)
-        axes.axvline(model.minimum_ns / MS, color=BLACK, ls=":")
-        axes.axvline(model.mean_ns / MS, color=VERMILION)
-        axes.set_title(name, loc="left")
-        axes.set_yticks([])
-        axes.set_xlim(0, 25)
-        axes.set_xlabel("latency (ms)")
-        shortest, mean = f"shortest {min(found):.2f} ms", f"mean {statistics.fmean(found):.2f} ms"
-        yield f"{name}: {shortest}, {mean}; asked {model.minimum_ns / MS:.2f} and {model.mean_ns / MS:.2f} ms"
-
-
-def order(figure: Figure) -> Iterator[str]:
-    """Frames that overtake each other, and the same frames kept in order."""
-    figure.set_size_inches(WIDTH_IN, 2.8)
-    for word, axes in zip(("true", "false"), figure.subplots(2, 1, sharex=True), strict=True):
-        record = simulate(
-            "agents={kind: beacon, talkers: [1], rate: 100 Hz, phase: aligned, size: 20 B}",
-            f"links={{rate: 100 kbit/s, latency: {{uniform: {{low: 5 ms, high: 45 ms}}}}, reordering: {word}}}",
-        )
-        space_time(axes, record, 0, 200)
-        axes.set_title(f"reordering: {word}", loc="left")
-        axes.label_outer()
-        dues = [due for _, _, due in frames(record, "1", "2")]
-        overtaken = sum(due < max(dues[:index], default=0) for index, due in enumerate(dues))
-        yield f"reordering: {word}: {overtaken} of {len(dues)} frames overtake an earlier one"
-
-
 # -- states that faults change ------------------------------------------------------------------------------------
 
 STEADY = "agents={kind: beacon, talkers: [1], rate: 50 Hz, phase: aligned, size: 50 B}"
@@ -280,9 +181,9 @@ def presence(figure: Figure) -> Iterator[str]:
     axes.plot(times, [plan.distance_m("1", "2", int(time * 1e9)) for time in times], color=BLUE)
     for start, end in plan.presence["1", "2"]:
         axes.axvspan(start / 1e9, end / 1e9, color=GREY, lw=0, zorder=0)
-    for distance, label in ((40, "radius"), (50, "radius + hysteresis")):
-        axes.axhline(distance, color=BLACK, ls=":")
-        axes.text(60.5, distance, label, va="center", fontsize=7)
+    for limit, label in ((40, "radius"), (50, "radius + hysteresis")):
+        axes.axhline(limit, color=BLACK, ls=":")
+        axes.text(60.5, limit, label, va="center", fontsize=7)
     axes.set_xlim(0, 60)
     axes.set_ylim(0)
     axes.set_xlabel("time (s)")
@@ -303,8 +204,13 @@ DRAWN: dict[str, Draw] = {
         queue,
         bucket,
         loss,
+        time_loss,
+        bit_error,
+        distance,
+        trace,
         corruption,
         latency,
+        correlation,
         order,
         hold,
         direction,

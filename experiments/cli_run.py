@@ -16,13 +16,13 @@ from .cli_output import output, print_error, print_plain
 from .cli_parameters import RUNS, Overrides, RunsFolder, ScenarioSource
 from .metrics import Metrics
 from .progress import Progress
-from .record import load
 from .running import Engine, Options, Outcome, execute
 from .scenario import Scenario, compile_plan, load_scenario
 from .tables import metrics_tables
 from .validate import validate_plan
 
-Strict = Annotated[bool, Parameter(help="End with exit code 3 if the machine or the middleware could not keep up.")]
+_STRICT = "End with exit code 3 if the machine could not keep up, or a link did otherwise than it was asked to."
+Strict = Annotated[bool, Parameter(help=_STRICT)]
 Detach = Annotated[bool, Parameter(help="Go on in the background; the command returns when the swarm runs.")]
 FAILED, NOT_CERTIFIED = 1, 3
 _ENGINE = "One process an agent over Zenoh, or all of them in this one."
@@ -68,11 +68,10 @@ def run(
     _print_metrics(outcome.metrics)
     for problem in outcome.problems:
         print_error(problem)
-    print_plain(f"{outcome.metrics.seconds:.1f} s of the run took {outcome.wall_s:.1f} s")
     _print_folder(outcome.folder)
     if outcome.problems:
         return FAILED
-    return NOT_CERTIFIED if strict and not _as_asked(outcome) else 0
+    return NOT_CERTIFIED if strict and not outcome.metrics.fidelity.as_asked else 0
 
 
 def _watched(scenario: Scenario, options: Options) -> Outcome:
@@ -90,14 +89,6 @@ def _print_folder(folder: Path) -> None:
     print_plain(f"run      {folder}")
     for figure in sorted(folder.glob("figures/*")):
         print_plain(f"figure   {figure}")
-
-
-def _as_asked(outcome: Outcome) -> bool:
-    """Whether no frame and no live fault was late, and nothing was lost that the scenario did not lose."""
-    fidelity = outcome.metrics.fidelity
-    flaws = (fidelity.late, fidelity.missing, fidelity.contradicted, fidelity.broken_off)
-    late_fault = any(event["event"] == "late-fault" for event in load(outcome.folder).events)
-    return not any(flaws) and not late_fault
 
 
 def _words(scenario: str, overrides: Sequence[str], options: Options, *, strict: bool) -> list[str]:

@@ -34,10 +34,11 @@ def _change(name: str, value: Any) -> str:
 
 
 def _model(name: str, model: Any) -> str:
-    """The first numbers of a model, those of a latency in milliseconds; another value as it is."""
+    """The first numbers of a model, defaults left out, those of a latency in milliseconds; another value as it is."""
     if not is_dataclass(model):
         return str(model)
-    numbers = [getattr(model, field.name) for field in fields(model)[:_NAMED]]
+    told = [field for field in fields(model)[:_NAMED] if getattr(model, field.name) != field.default]
+    numbers = [getattr(model, field.name) for field in told]
     return ", ".join(f"{number / 1e6:g} ms" if name == "latency" else f"{number:g}" for number in numbers)
 
 

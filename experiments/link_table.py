@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from ..agents import registry
@@ -181,7 +181,7 @@ def _medium(group: LinkGroup) -> str:
     medium = group.settings.medium
     if isinstance(medium, FullDuplex):
         return "full-duplex"
-    return f"half-duplex per {medium.per}, {_model(spelled(medium.access))}"
+    return f"half-duplex per {medium.per}, {_model(medium.access)}"
 
 
 def _slot(group: LinkGroup) -> str:
@@ -208,7 +208,7 @@ def _rate(group: LinkGroup) -> str:
 
 
 def _models(models: Sequence[Loss]) -> str:
-    return "\n".join(f"{_shown(model)}, mean {_percent(model.mean)}" for model in models)
+    return "\n".join(f"{_model(model)}, mean {_percent(model.mean)}" for model in models)
 
 
 def _percent(mean: float) -> str:
@@ -218,7 +218,7 @@ def _percent(mean: float) -> str:
 def _latency(group: LinkGroup) -> str:
     latency = group.settings.latency
     least, mean = f"{latency.minimum_ns / 1e6:.4g} ms", f"{latency.mean_ns / 1e6:.4g} ms"
-    return _shown(latency) if least == mean else f"{_shown(latency)}; shortest {least}, mean {mean}"
+    return _model(latency) if least == mean else f"{_model(latency)}; shortest {least}, mean {mean}"
 
 
 def _presence(group: LinkGroup) -> str:
@@ -258,24 +258,17 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
 )
 
 
-def _shown(model: Any) -> str:
-    """A model as one line, without the fields that have their defaults."""
+def _model(model: Any) -> str:
+    """A model as one line: its name, and its fields that are not at their default."""
     ((name, body),) = spelled(model).items()
-    usual = {field.name for field in fields(model) if getattr(model, field.name) == field.default}
-    return _model({name: {field: value for field, value in body.items() if field not in usual}})
-
-
-def _model(written: Any) -> str:
-    """A model as one line: its name, and its fields with their values."""
-    ((name, body),) = written.items()
-    if len(body) == 1:
-        return f"{name} {_value(next(iter(body.values())))}"
-    return " ".join([name, *(f"{field}={_value(value)}" for field, value in body.items())])
+    own = [field for field in fields(model) if field.default is MISSING or getattr(model, field.name) != field.default]
+    words = [_value(body[field.name]) for field in own]
+    if len(own) > 1 or any(field is not fields(model)[0] for field in own):
+        words = [f"{field.name}={word}" for field, word in zip(own, words, strict=True)]
+    return " ".join([name, *words])
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return f"({_model(value)})" if len(value) == 1 else "…"
-    if isinstance(value, list) and len(value) > _LISTED:
-        return f"{len(value)} values"
+    if isinstance(value, list):
+        return f"[{','.join(map(_value, value))}]" if len(value) <= _LISTED else f"{len(value)} values"
     return f"{value:.6g}" if isinstance(value, float) else str(value).replace(" ", "")

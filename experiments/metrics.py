@@ -22,8 +22,11 @@ from ..topologies import natural_key
 from ..transport.faults import Fault
 from ..transport.links import NANOSECONDS
 from .accounting import LinkAccount, link_account
-from .channels import Channel, channel
+from .ages import AgeMetrics, age_courses, age_metrics
+from .airtime import airtime_utilisation
+from .channels import Channel, channels
 from .fault_labels import fault_label
+from .fidelity import Fidelity, judge
 from .record import Record, load
 from .samples import Samples, samples
 from .stories import stories
@@ -104,20 +107,6 @@ class QuantityMetrics:
 
 
 @dataclass(frozen=True)
-class Fidelity:
-    """How far the run was what its scenario asked for; `verdict` says it in words."""
-
-    late: int
-    behind_p50_ns: float
-    behind_p99_ns: float
-    behind_max_ns: float
-    missing: int
-    contradicted: int
-    broken_off: tuple[str, ...]
-    verdict: str
-
-
-@dataclass(frozen=True)
 class ProcessMetrics:
     """What a process used, and how late its timers were: median, 99th percentile and largest; none in the twin."""
 
@@ -133,19 +122,30 @@ class LinkMetrics:
     account: LinkAccount
     closes: bool
     channel: Channel
+    age: AgeMetrics
 
 
 @dataclass(frozen=True)
 class Metrics:
-    """All metrics of a run; links by name, "3>7"."""
+    """All metrics of a run; links by name, "3>7".
+
+    `wall_s`: how long it took by the clock, NaN where nobody wrote it down. `airtime`: medium → its utilisation.
+    """
 
     name: str
     seconds: float
+    wall_s: float
     recovered: bool
     quantities: Mapping[str, QuantityMetrics]
     links: Mapping[str, LinkMetrics]
+    airtime: Mapping[str, float]
     processes: Mapping[str, ProcessMetrics]
     fidelity: Fidelity
+
+    @property
+    def times_real_time(self) -> float:
+        """Nominal seconds in a second of the clock; NaN where that is not known."""
+        return self.seconds / self.wall_s if self.wall_s > 0 else math.nan
 
     def to_json(self) -> str:
         """JSON, null for what is not defined."""
@@ -159,19 +159,25 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         record: the run.
         threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
     """
-    links = {}
     frames = stories(record)
+    asked = channels(record, frames)
+    ages = age_courses(record, frames)
+    links = {}
     for link, mine in frames.items():
         one = link_account(mine, record.last_ns)
-        links[">".join(link)] = LinkMetrics(one, one.closes, channel(record, link, mine))
+        links[">".join(link)] = LinkMetrics(one, one.closes, asked[link], age_metrics(ages[link]))
     return Metrics(
         name=record.plan.name,
         seconds=record.last_ns / NANOSECONDS,
+        wall_s=record.info.get("wall_s", math.nan),
         recovered=record.recovered,
         quantities={quantity: _quantity(record, quantity, threshold) for quantity in record.quantities()},
         links=links,
+        airtime=airtime_utilisation(record, frames),
         processes=_processes(record),
-        fidelity=_fidelity(record, [one.account for one in links.values()]),
+        fidelity=judge(
+            record, [one.account for one in links.values()], {name: one.channel for name, one in links.items()}
+        ),
     )
 
 
@@ -305,23 +311,6 @@ def _factor(disagreements: Floats) -> float:
 
 def _seconds(time_ns: int | None) -> float:
     return math.nan if time_ns is None else time_ns / NANOSECONDS
-
-
-def _fidelity(record: Record, accounts: list[LinkAccount]) -> Fidelity:
-    behind = [late.behind_ns for batch in record.batches.values() for late in batch.late]
-    middle, high, most = np.quantile(behind, (0.5, 0.99, 1.0)).tolist() if behind else (math.nan,) * 3
-    missing, contradicted = sum(one.missing for one in accounts), sum(one.contradicted for one in accounts)
-    died = tuple(sorted({agent for agent, _ in record.broken_off}, key=natural_key))
-    flaws = [
-        (record.end_ns is None, "the run was broken off"),
-        (bool(behind), f"{len(behind)} late frames, by {most / 1e6 if behind else 0:.1f} ms at most"),
-        (missing > 0, f"{missing} frames lost by the middleware"),
-        (contradicted > 0, f"{contradicted} frames with contradicting accounts"),
-        (record.end_ns is not None and bool(died), f"died unasked: agent {', '.join(died)}"),
-    ]
-    found = [text for flawed, text in flaws if flawed]
-    verdict = "not as asked: " + "; ".join(found) if found else "as asked: no late frame, none lost by the middleware"
-    return Fidelity(len(behind), middle, high, most, missing, contradicted, died, verdict)
 
 
 def _processes(record: Record) -> dict[str, ProcessMetrics]:

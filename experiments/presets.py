@@ -37,6 +37,7 @@ PRESETS: Mapping[PresetName, Preset] = {
             "bits_per_byte": 10,
             "overhead": "6 B",
             "mtu": "64 B",
+            "loss": {"bit-error": 1e-8},
         },
         {
             "medium": "IrDA IrPHY: a receiver is blinded by its own transmitter, so links are half-duplex",
@@ -44,6 +45,7 @@ PRESETS: Mapping[PresetName, Preset] = {
             "bits_per_byte": "IrDA IrPHY, SIR: one start bit, eight data bits, one stop bit",
             "overhead": "IrLAP, SIR framing: BOF 1 B, address 1 B, control 1 B, frame check 2 B, EOF 1 B",
             "mtu": "IrLAP: 64 B is the data size that every device can take",
+            "loss": "IrDA IrPHY: a bit error ratio of at most 10⁻⁸, within the distance and angle of the link",
         },
         "infrared transceiver pairs of neighbouring modules",
         "Escaped bytes, additional BOFs, the turnaround time of the link, and IrLAP's polling.",

@@ -62,12 +62,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: its folder, what was measured, what went wrong, and how long it took."""
+    """A finished run: its folder, what was measured, and what went wrong."""
 
     folder: Path
     metrics: Metrics
     problems: tuple[str, ...]
-    wall_s: float
 
 
 Watch = Callable[[Status], None]
@@ -103,7 +102,7 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
     metrics = write_metrics(folder)
     if options.figures:
         plot(folder)
-    return Outcome(folder, metrics, ending.problems, ending.wall_s)
+    return Outcome(folder, metrics, ending.problems)
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

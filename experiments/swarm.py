@@ -58,7 +58,7 @@ class _Member:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: what went wrong, if anything, and how long it took."""
+    """How a run ended: what went wrong, if anything, and how long its nominal time took by the clock."""
 
     problems: tuple[str, ...]
     wall_s: float
@@ -123,7 +123,6 @@ class Swarm:
             BadInput: the endpoint cannot be used.
             RunFailed: an agent did not join.
         """
-        began = time.monotonic()
         prepare()
         self._loop = asyncio.get_running_loop()
         with tempfile.TemporaryDirectory(prefix="volery-") as private:
@@ -131,7 +130,7 @@ class Swarm:
             passwords.write_text("".join(f"{user}:{word}\n" for user, word in self.passwords.items()), encoding="ascii")
             control = access_control(self._keys, {agent.name: agent.neighbours for agent in self.plan.agents})
             self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
-        told = False
+        told, wall_ns = False, 0
         try:
             telemetry = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._heard)
             tokens = zs.Inbox(self._loop, _TELEMETRY_LIMIT, self._token_changed)
@@ -139,6 +138,7 @@ class Swarm:
             watching = self.session.liveliness().declare_subscriber(self._keys.alive("*"), tokens.push, history=True)
             await self._start()
             await self._over.wait()
+            wall_ns = max(0, time.monotonic_ns() - self._epoch_ns)
             await self._finish()
             told = True
             del hearing, watching
@@ -148,7 +148,7 @@ class Swarm:
             await asyncio.gather(*self._tasks, return_exceptions=True)
             await self._end_processes(told=told)
             await asyncio.to_thread(self.session.close)
-        return Ending(tuple(self._problems), time.monotonic() - began)
+        return Ending(tuple(self._problems), wall_ns / 1e9)
 
     # -- beginning ----------------------------------------------------------------------------------------------
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from rich.table import Table
 
 from .accounting import LinkAccount, total
+from .fidelity import fidelity_lines
 from .metrics import LinkMetrics, Metrics, QuantityMetrics
 
 _WORST_LINKS = 5
@@ -23,15 +24,22 @@ def metrics_tables(metrics: Metrics) -> list[Table]:
         if quantity.recoveries:
             tables.append(_recoveries(name, quantity))
     accounts = {name: link.account for name, link in metrics.links.items()}
-    tables += [_frames(metrics), _worst(metrics.links, accounts)]
+    tables += [_frames(metrics), _worst(metrics.links, accounts), _oldest(metrics.links), _airtime(metrics.airtime)]
     open_links = [name for name, link in metrics.links.items() if not link.closes]
     closing = f"the sum of frames does not close on {', '.join(open_links)}" if open_links else _CLOSES
-    return [*tables, _table("Fidelity", "", rows=[(metrics.fidelity.verdict,), (closing,)])]
+    verdict = [metrics.fidelity.verdict, closing, *fidelity_lines(metrics.fidelity), *_speed(metrics)]
+    return [*tables, _table("Fidelity", "", rows=[(line,) for line in verdict])]
+
+
+def _speed(metrics: Metrics) -> Iterator[str]:
+    if not math.isnan(metrics.times_real_time):
+        took = f"{metrics.seconds:.1f} s of the run took {metrics.wall_s:.1f} s"
+        yield f"speed: {took}, {metrics.times_real_time:.1f} × real time"
 
 
 def _table(title: str, first: str, *others: str, rows: Iterable[tuple[str, ...]] = ()) -> Table:
     """A table with text in the first column and numbers in the others."""
-    table = Table(title=title, title_justify="left", show_header=bool(others))
+    table = Table(title=title, title_justify="left", min_width=len(title), show_header=bool(others))
     table.add_column(first)
     for other in others:
         table.add_column(other, justify="right")
@@ -85,22 +93,46 @@ def _frames(metrics: Metrics) -> Table:
 
 def _worst(links: Mapping[str, LinkMetrics], accounts: Mapping[str, LinkAccount]) -> Table:
     worst = sorted(accounts, key=lambda name: accounts[name].delivered_fraction)[:_WORST_LINKS]
-    columns = "delivered", "loss asked", "loss got", "latency asked", "latency got", "p99", "airtime", "late"
+    columns = "delivered", "loss asked", "got", "latency asked", "got", "p99", "airtime", "late"
     rows = [_link_row(name, links[name]) for name in worst]
     return _table(f"Links that delivered least, {len(worst)} of {len(links)}", "link", *columns, rows=rows)
 
 
 def _link_row(name: str, link: LinkMetrics) -> tuple[str, ...]:
     account, channel = link.account, link.channel
-    fractions = account.delivered_fraction, channel.loss_asked, channel.loss_got
-    times = channel.latency_asked_ns, channel.latency_got_ns, account.latency_ns[1]
+    fractions = account.delivered_fraction, channel.loss.asked, channel.loss.got
+    latencies = channel.latency.asked, channel.latency.got, account.latency_ns[1]
     return (
         name.replace(">", "→"),
         *(_number(100 * fraction, "%") for fraction in fractions),
-        *(_number(time / 1e6, "ms") for time in times),
+        *(_number(time / 1e6, "ms") for time in latencies),
         _number(100 * account.utilisation, "%"),
         str(account.late),
     )
+
+
+def _oldest(links: Mapping[str, LinkMetrics]) -> Table:
+    """The links whose receivers knew the oldest; those that never delivered anything are told of elsewhere."""
+    known = [name for name, link in links.items() if not math.isnan(link.age.mean_ns)]
+    oldest = sorted(known, key=lambda name: -links[name].age.mean_ns)[:_WORST_LINKS]
+    ages = ((name, links[name].age) for name in oldest)
+    rows = (
+        (name.replace(">", "→"), *(_milliseconds(time) for time in (age.mean_ns, age.p99_ns, age.peak_ns)))
+        for name, age in ages
+    )
+    return _table(
+        f"Age of information, the oldest {len(oldest)} of {len(links)}", "link", "mean", "p99", "peak", rows=rows
+    )
+
+
+def _milliseconds(time_ns: float) -> str:
+    return _NOTHING if math.isnan(time_ns) else f"{time_ns / 1e6:,.1f} ms"
+
+
+def _airtime(media: Mapping[str, float]) -> Table:
+    busiest = sorted(media, key=lambda name: -media[name])[:_WORST_LINKS]
+    rows = ((name.replace(">", "→"), _number(100 * media[name], "%")) for name in busiest)
+    return _table(f"Busiest media, {len(busiest)} of {len(media)}", "medium", "airtime", rows=rows)
 
 
 def _number(value: float, unit: str = "") -> str:

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
 
-from scipy.special import gammaincc, gammainccinv, gammaincinv
-
 from ..errors import BadInput
 from ..randomness import Stream
 from ..units import Nanoseconds
@@ -197,15 +195,23 @@ class Gamma(_Law):
     @cached_property
     def minimum_ns(self) -> int:
         """Where the law is cut off."""
-        return int(self._scale_ns * gammaincinv(self._shape, _TRUNCATED)) if self.min is None else self.min
+        if self.min is not None:
+            return self.min
+        from scipy.special import gammaincinv  # heavy, and most agents draw no gamma latency
+
+        return int(self._scale_ns * gammaincinv(self._shape, _TRUNCATED))
 
     @property
     def mean_ns(self) -> float:
         """Truncated: mean·Q(k + 1, min/θ) / Q(k, min/θ), Q the upper incomplete gamma function, regularised."""
+        from scipy.special import gammaincc
+
         cut = self.minimum_ns / self._scale_ns
         return float(self.mean * gammaincc(self._shape + 1.0, cut) / gammaincc(self._shape, cut))
 
     def _quantile(self) -> Callable[[float], float]:
+        from scipy.special import gammaincc, gammainccinv
+
         shape, scale, inverse = self._shape, self._scale_ns, gammainccinv
         kept = float(gammaincc(shape, self.minimum_ns / scale))
         return lambda tail: scale * inverse(shape, kept * tail)

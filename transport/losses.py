@@ -56,7 +56,7 @@ def expected_loss(stages: Iterable[LossStage], index: int, start_ns: int, bits: 
     return 1.0 - prod(1.0 - stage.expected(index, start_ns, bits) for stage in stages)
 
 
-def loss_variance(models: Iterable[Loss], starts_ns: Sequence[int], expected: Iterable[float]) -> float:
+def loss_variance(models: Iterable[Loss], frames: Sequence[tuple[int, int]], expected: Iterable[float]) -> float:
     """Variance of the number of frames that a sum of models loses, about the sum of their expected losses.
 
     Σ pᵢ(1 − pᵢ) + 2 Σᵢ﹤ⱼ cov(i, j). A frame survives all models, so cov(i, j) = Π(qₘ² + cₘ(i, j)) − Πqₘ², with qₘ the
@@ -65,7 +65,7 @@ def loss_variance(models: Iterable[Loss], starts_ns: Sequence[int], expected: It
 
     Args:
         models: a sum of models.
-        starts_ns: when the frames start, ascending, one for each sequence number.
+        frames: sequence number and start [ns] of each, ascending.
         expected: their probabilities of being lost, as `expected_loss` gives them.
     Returns:
         The variance; over Σ pᵢ(1 − pᵢ) it is the inflation by bursts.
@@ -79,17 +79,18 @@ def loss_variance(models: Iterable[Loss], starts_ns: Sequence[int], expected: It
         joined = [_product(term, own) for term in terms] if own.covariance else []
         terms = kept + joined
     independent = sum(loss * (1.0 - loss) for loss in expected)
-    return max(0.0, independent + sum(2.0 * _pairs(term, starts_ns) for term in terms[1:]))
+    return max(0.0, independent + sum(2.0 * _pairs(term, frames) for term in terms[1:]))
 
 
 def _product(first: Memory, second: Memory) -> Memory:
     return Memory(first.covariance * second.covariance, first.per_frame * second.per_frame, first.rate + second.rate)
 
 
-def _pairs(memory: Memory, starts_ns: Sequence[int]) -> float:
+def _pairs(memory: Memory, frames: Sequence[tuple[int, int]]) -> float:
     """Sum of the covariances of all pairs, in one pass: what a frame shares with all before it decays on the way."""
     total = shared = 0.0
-    for before, start in pairwise(starts_ns):
-        shared = memory.per_frame * exp(memory.rate * (before - start)) * (1.0 + shared)
+    for (number, start), (next_number, next_start) in pairwise(frames):
+        decay = memory.per_frame ** (next_number - number) * exp(memory.rate * (start - next_start))
+        shared = decay * (1.0 + shared)
         total += shared
     return memory.covariance * total

@@ -80,7 +80,7 @@ def test_a_model_loses_its_share(models: tuple[Loss, ...]) -> None:
     """At 10⁵ frames the number of losses is within 3 standard errors of what is expected, correlation included."""
     starts_ns = starts(FRAMES)
     lost, expected = run(models, starts_ns)
-    error = loss_variance(models, starts_ns, expected) ** 0.5
+    error = loss_variance(models, list(enumerate(starts_ns)), expected) ** 0.5
     assert abs(lost.sum() - sum(expected)) <= 3 * error
     assert error < 0.02 * FRAMES
 
@@ -108,7 +108,7 @@ def test_the_variance_of_a_model_is_that_of_its_losses(models: tuple[Loss, ...])
     _, expected = run(models, starts_ns)
     variance, fourth = losses.var(), float(((losses - losses.mean()) ** 4).mean())
     error = ((fourth - variance**2) / seeds) ** 0.5
-    assert abs(variance - loss_variance(models, starts_ns, expected)) < 4 * error
+    assert abs(variance - loss_variance(models, list(enumerate(starts_ns)), expected)) < 4 * error
     assert abs(losses.mean() - sum(expected)) < 4 * (variance / seeds) ** 0.5
 
 
@@ -120,7 +120,7 @@ def test_long_run_variances_in_closed_form() -> None:
     starts_ns = [index * 5 * MS for index in range(20_000)]
 
     def per_frame(model: Loss) -> float:
-        return loss_variance((model,), starts_ns, [model.mean] * len(starts_ns)) / len(starts_ns)
+        return loss_variance((model,), list(enumerate(starts_ns)), [model.mean] * len(starts_ns)) / len(starts_ns)
 
     assert per_frame(Bernoulli(0.3, 0.8)) == pytest.approx(0.21 * 9, rel=0.01)
     assert per_frame(GilbertElliott(0.05, 0.2, 0.9, 0.1)) == pytest.approx(
@@ -226,3 +226,13 @@ def test_correlation_is_what_was_asked_for() -> None:
         estimates = (batches[:, :-k] * batches[:, k:]).mean(axis=1) / 0.21
         error = estimates.std(ddof=1) / len(estimates) ** 0.5
         assert abs(estimates.mean() - 0.6**k) < 4 * error
+
+
+def test_frames_that_are_left_out_weigh_on_no_others() -> None:
+    """Of two frames the variance is 2p(1−p) + 2c·rᵏ·e^(−λΔt), with k from their numbers and Δt from their starts."""
+    frames, expected = [(3, 70 * MS), (7, 100 * MS)], [0.3, 0.3]
+    assert loss_variance([Bernoulli(0.3, 0.8)], frames, expected) == pytest.approx(0.42 * (1 + 0.8**4))
+    chain = Markov(70 * MS, 30 * MS)
+    assert loss_variance([chain], frames, expected) == pytest.approx(0.42 * (1 + np.exp(-30 / 70 - 30 / 30)))
+    never: list[Loss] = [Frames((3,)), BitError(0.1)]
+    assert loss_variance(never, frames, [1.0, 0.5]) == 0.25
