@@ -48,7 +48,7 @@ class Injector:
             self._faults[name] = fault
         self._newest_ns = fault.at_ns
         if isinstance(fault, Kill) and fault.until_ns is not None:
-            self._swarm.restart_later(fault)
+            self._swarm.restarts.later(fault)
         end = "until cleared" if fault.until_ns is None else f"until {fault.until_ns / 1e9:.3f} s"
         return f"{name}: from {fault.at_ns / 1e9:.3f} s {end}"
 
@@ -158,7 +158,7 @@ class Injector:
         return await self.clear(names)
 
     async def _end(self, fault: Fault) -> None:
-        key = await self._swarm.standby(fault.agent) if isinstance(fault, Kill) else None
+        key = await self._swarm.restarts.standby(fault.agent) if isinstance(fault, Kill) else None
         async with self._swarm.intervening:
             await self._end_now(fault, key)
 
@@ -170,12 +170,12 @@ class Injector:
             await self._tell(ended, until_ns)
             self._faults[fault.id] = ended
             if key is not None and isinstance(ended, Kill):
-                await swarm.revive(key, ended, until_ns)
+                await swarm.restarts.revive(key, ended, until_ns)
             await swarm.order({"do": "release"})
         elif key is not None and isinstance(fault, Kill):
             until_ns = swarm.ahead_ns(_AHEAD_S)
             ended = replace(fault, until_ns=until_ns)
-            await swarm.revive(key, ended, until_ns)
+            await swarm.restarts.revive(key, ended, until_ns)
             if swarm.now_ns() > until_ns:
                 self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
         else:

@@ -11,8 +11,7 @@ import secrets
 import tempfile
 import time
 from collections.abc import Coroutine, Mapping
-from dataclasses import dataclass, field
-from multiprocessing.context import ForkServerProcess
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,10 @@ from ..agents.process import Assignment, Pace
 from ..errors import RunFailed
 from ..transport import zenoh_session as zs
 from ..transport.access import access_control
-from ..transport.faults import Fault, Kill, to_plain
+from ..transport.faults import Fault, to_plain
 from ..transport.keys import OPERATOR, Keys
+from .members import Member, joined_or_ended, watch_for_stopped
+from .restarts import Restarts
 from .spawning import prepare, spawn
 from .status import Status
 from .twin import RecordSink
@@ -36,24 +37,8 @@ _LEAVE_TIMEOUT_S = 5.0
 _HEAD_START_S = 0.4
 _STOP_AHEAD_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
-_STANDBY_S = 2.0
 _OVERDUE_S = 20.0
-_LOOK_EVERY_S = 0.5
-_STOPPED_S = 2.0
 _TELEMETRY_LIMIT = 1_000_000
-
-
-@dataclass
-class _Member:
-    """One process of the swarm."""
-
-    process: ForkServerProcess
-    joined: asyncio.Event = field(default_factory=asyncio.Event)
-    ended: asyncio.Event = field(default_factory=asyncio.Event)
-    done: bool = False
-    stopped_from_outside: bool = False
-    batches: int = 0
-    state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
 
 @dataclass(frozen=True)
@@ -102,19 +87,19 @@ class Swarm:
         self.ready = asyncio.Event()
         self._sink = sink
         self._keys = Keys(run)
-        self._speed = speed
+        self.speed = speed
         self._listen = listen
-        self._members: dict[tuple[str, int], _Member] = {}
+        self._members: dict[tuple[str, int], Member] = {}
         self._epoch_ns = 0
         self._over = asyncio.Event()
         self._news = asyncio.Event()
         self._problems: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
-        self._end_ns = plan.duration_ns
+        self.end_ns = plan.duration_ns
         self._living: dict[str, int] = {}
-        self._restarts_due: dict[str, int] = {}
+        self.restarts = Restarts(self)
         self._kills_expected: set[tuple[str, int]] = set()
-        self._gone: set[tuple[str, int]] = set()
+        self.gone: set[tuple[str, int]] = set()
 
     async def run(self) -> Ending:
         """The whole life of the swarm; however it ends, no process and no session is left behind.
@@ -154,8 +139,8 @@ class Swarm:
 
     async def _start(self) -> None:
         for agent in self.plan.agents:
-            self._spawn(agent.name, 0)
-        await self._joined([(agent.name, 0) for agent in self.plan.agents])
+            self.spawn(agent.name, 0)
+        await self.joined([(agent.name, 0) for agent in self.plan.agents])
         if self.pace == "realtime":
             await self.order({"do": "rehearse"})
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.agents)
@@ -166,44 +151,50 @@ class Swarm:
         for agent in self.plan.agents:
             for incarnation, kill in enumerate(self.plan.kills(agent.name), start=1):
                 self._kills_expected.add((agent.name, incarnation - 1))
-                if kill.until_ns is not None:
-                    self._restart_later(kill, incarnation)
-        self._background(self._watch_the_end())
-        self._background(self._watch_for_stopped())
+                self.restarts.later(kill, incarnation)
+        self.background(self._watch_the_end())
+        self.background(watch_for_stopped(self._members.values))
 
     def _start_order(self, start_ns: int, saved: bytes | None = None) -> dict[str, Any]:
         """Come to life at an instant, in the run as it is now."""
         beginning = {
             "epoch_ns": self._epoch_ns,
-            "end_ns": self._end_ns,
+            "end_ns": self.end_ns,
             "interventions": self.interventions,
-            "gone": sorted(self._gone),
+            "gone": sorted(self.gone),
         }
         faults = [to_plain(fault) for fault in self.live_faults.values()]
         return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "beginning": beginning}
 
-    def _spawn(self, name: str, incarnation: int) -> _Member:
+    def spawn(self, name: str, incarnation: int) -> Member:
+        """A process for a life of an agent."""
         assignment = Assignment(
-            self.plan, name, incarnation, self._keys.run, self.endpoint, self.passwords[name], self.pace, self._speed
+            self.plan, name, incarnation, self._keys.run, self.endpoint, self.passwords[name], self.pace, self.speed
         )
-        member = _Member(spawn(assignment))
+        member = Member(spawn(assignment))
         self._members[name, incarnation] = member
         self._loop.add_reader(member.process.sentinel, self._process_ended, name, incarnation)
         return member
 
-    async def _joined(self, who: list[tuple[str, int]]) -> None:
+    async def joined(self, who: list[tuple[str, int]]) -> None:
+        """Wait until these processes have joined.
+
+        Raises:
+            RunFailed: one has not, or has ended before.
+        """
         try:
             async with asyncio.timeout(_JOIN_TIMEOUT_S):
                 for key in who:
                     member = self._members[key]
-                    await _first(member.joined, member.ended)
+                    await joined_or_ended(member)
         except TimeoutError:
             missing = [name for name, incarnation in who if not self._members[name, incarnation].joined.is_set()]
             raise RunFailed(f"agents {', '.join(missing)} have not joined within {_JOIN_TIMEOUT_S:g} s") from None
         if dead := [name for name, incarnation in who if self._members[name, incarnation].ended.is_set()]:
             raise RunFailed(f"agents {', '.join(dead)} ended before the run began")
 
-    def _background(self, work: Coroutine[Any, Any, None]) -> None:
+    def background(self, work: Coroutine[Any, Any, None]) -> None:
+        """Let something go on beside; the swarm ends it with itself."""
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._background_ended)
@@ -221,12 +212,12 @@ class Swarm:
         """Nominal time: by the clock in realtime pace, else as last told by the agents."""
         if self.pace == "realtime":
             elapsed_ns = time.monotonic_ns() - self._epoch_ns if self._epoch_ns else 0
-            return max(0, int(elapsed_ns * self._speed))
+            return max(0, int(elapsed_ns * self.speed))
         return self.status.time_ns
 
     def ahead_ns(self, wall_s: float) -> int:
         """The nominal instant that the wall clock reaches so much later."""
-        return self.now_ns() + int(wall_s * 1e9 * self._speed)
+        return self.now_ns() + int(wall_s * 1e9 * self.speed)
 
     async def order(
         self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*"
@@ -254,55 +245,20 @@ class Swarm:
         """Whether the agent is alive; a process on standby is not."""
         return name in self.status.alive
 
-    def _lives(self, name: str, incarnation: int) -> None:
-        self._living[name] = incarnation
-        self.status.alive.add(name)
+    def member(self, name: str, incarnation: int) -> Member:
+        """The process of one life of an agent."""
+        return self._members[name, incarnation]
 
-    async def standby(self, name: str) -> tuple[str, int]:
-        """A new process for an agent, joined but not yet alive in nominal time."""
-        _, incarnation = self.current(name)
-        key = (name, incarnation + 1)
-        await self._prepare(key)
-        return key
-
-    async def _prepare(self, key: tuple[str, int]) -> None:
-        self._spawn(*key)
-        await self._joined([key])
-        if self.pace == "realtime":
-            await self.order({"do": "rehearse"}, *key)
-
-    async def revive(self, key: tuple[str, int], kill: Kill, start_ns: int) -> None:
-        """Let a process on standby live from an instant on, the end of a kill, with what that has kept."""
+    async def bring_to_life(self, key: tuple[str, int], start_ns: int, saved: bytes | None) -> None:
+        """Let a process on standby live from an instant on, with what the life before has left."""
         name, incarnation = key
-        saved = None
-        if kill.keep_state:
-            async with asyncio.timeout(_ANSWER_TIMEOUT_S):
-                saved = await self._members[name, incarnation - 1].state
         await self.order(self._start_order(start_ns, saved), name, incarnation)
-        self._restarts_due.pop(name, None)
         self._lives(name, incarnation)
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
-    def restart_later(self, kill: Kill) -> None:
-        """An agent that a live fault kills comes back when the fault ends."""
-        self._restart_later(kill, self.current(kill.agent)[1] + 1)
-
-    def _restart_later(self, kill: Kill, incarnation: int) -> None:
-        if kill.until_ns is not None and kill.until_ns < self._end_ns:
-            self._restarts_due[kill.agent] = kill.until_ns
-            self._background(self._restart_at(kill, kill.until_ns, incarnation))
-
-    async def _restart_at(self, kill: Kill, until_ns: int, incarnation: int) -> None:
-        """In realtime pace the process stands by beforehand; in lockstep everybody waits for it."""
-        key = (kill.agent, incarnation)
-        if self.pace == "realtime":
-            await asyncio.sleep(max(0.0, (until_ns - self.ahead_ns(_STANDBY_S)) / 1e9 / self._speed))
-        else:
-            await self._members[kill.agent, incarnation - 1].ended.wait()
-        if (kill.agent, incarnation - 1) not in self._gone:
-            await self._prepare(key)
-            async with self.intervening:
-                await self.revive(key, kill, until_ns)
+    def _lives(self, name: str, incarnation: int) -> None:
+        self._living[name] = incarnation
+        self.status.alive.add(name)
 
     async def stop(self) -> None:
         """End the run early, at one nominal instant for all."""
@@ -310,11 +266,13 @@ class Swarm:
             self._problems.append("stopped before the run began")
             self._over.set()
             return
-        held = (await self.order({"do": "hold"})).values()
-        self._end_ns = max([*held, self.ahead_ns(_STOP_AHEAD_S)]) + 1 if self.pace == "realtime" else max(held) + 1
-        await self.order({"do": "end", "instant_ns": self._end_ns})
-        await self.order({"do": "release"})
-        self._sink.event({"event": "stopped", "time_ns": self._end_ns})
+        async with self.intervening:
+            held = (await self.order({"do": "hold"})).values()
+            ahead = [self.ahead_ns(_STOP_AHEAD_S)] if self.pace == "realtime" else []
+            self.end_ns = max([*held, *ahead]) + 1
+            await self.order({"do": "end", "instant_ns": self.end_ns})
+            await self.order({"do": "release"})
+        self._sink.event({"event": "stopped", "time_ns": self.end_ns})
 
     # -- what is heard ------------------------------------------------------------------------------------------
 
@@ -340,7 +298,7 @@ class Swarm:
                 member.state.set_result(bytes.fromhex(event["state"]))
             elif event["event"] == "crashed":
                 self._problems.append(f"agent {batch.agent} failed: {event['error']}")
-        self.status.take(batch, min(now_ns, self._end_ns))
+        self.status.take(batch, min(now_ns, self.end_ns))
         if batch:
             self._sink(batch)
         self._check_over()
@@ -365,37 +323,37 @@ class Swarm:
             self._died(name, incarnation, member)
         self._check_over()
 
-    def _died(self, name: str, incarnation: int, member: _Member) -> None:
+    def _died(self, name: str, incarnation: int, member: Member) -> None:
         """By a fault, or from outside: then nobody waits for it any more, and what has not come of it never does."""
         injected = (name, incarnation) in self._kills_expected and not member.stopped_from_outside
-        cause = "injected" if injected else _cause(member)
+        cause = "injected" if injected else member.cause()
         self._sink.event(
             {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
         )
         if injected:
             return
-        self._gone.add((name, incarnation))
-        self._restarts_due.pop(name, None)
+        self.gone.add((name, incarnation))
+        self.restarts.due.pop(name, None)
         if cause.startswith("ended"):
             self._problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self._over.set()
         elif self.pace == "lockstep" and self.ready.is_set():
-            self._background(self._tell_gone(name, incarnation))
+            self.background(self._tell_gone(name, incarnation))
 
     async def _tell_gone(self, name: str, incarnation: int) -> None:
         await self.order({"do": "gone", "agent": name, "incarnation": incarnation})
 
     def _check_over(self) -> None:
         newest = {name: self._members[self.current(name)] for name, _ in self._members}
-        to_come = [until_ns for until_ns in self._restarts_due.values() if until_ns < self._end_ns]
+        to_come = [until_ns for until_ns in self.restarts.due.values() if until_ns < self.end_ns]
         if all(member.done or member.ended.is_set() for member in newest.values()) and not to_come:
             self._over.set()
 
     async def _watch_the_end(self) -> None:
         """Realtime pace does not wait for ever for an agent that says nothing."""
         while self.pace == "realtime":
-            overdue_s = (self.now_ns() - self._end_ns) / 1e9 / self._speed
+            overdue_s = (self.now_ns() - self.end_ns) / 1e9 / self.speed
             if overdue_s > _OVERDUE_S:
                 silent = [
                     name for (name, _), member in self._members.items() if not (member.done or member.ended.is_set())
@@ -404,19 +362,6 @@ class Swarm:
                 self._over.set()
                 return
             await asyncio.sleep(1.0)
-
-    async def _watch_for_stopped(self) -> None:
-        """A process that is stopped from outside for a while counts as dead."""
-        since: dict[int, float] = {}
-        while True:
-            await asyncio.sleep(_LOOK_EVERY_S)
-            for member in list(self._members.values()):
-                pid = member.process.pid
-                if pid is None or member.ended.is_set() or not _is_stopped(pid):
-                    since.pop(pid or 0, None)
-                elif time.monotonic() - since.setdefault(pid, time.monotonic()) > _STOPPED_S:
-                    member.stopped_from_outside = True
-                    member.process.kill()
 
     # -- ending -------------------------------------------------------------------------------------------------
 
@@ -431,7 +376,7 @@ class Swarm:
         for key, number in last.items():
             if self._members[key].batches < number:
                 self._problems.append(f"agent {key[0]}: its last journal batch was lost on the way")
-        self._sink.event({"event": "finished", "time_ns": self._end_ns})
+        self._sink.event({"event": "finished", "time_ns": self.end_ns})
 
     async def _end_processes(self, *, told: bool) -> None:
         """Wait for the processes that were told to stop; end the others, and those that take too long."""
@@ -444,25 +389,3 @@ class Swarm:
                 self._loop.remove_reader(member.process.sentinel)
                 member.process.kill()
                 await asyncio.to_thread(member.process.join)
-
-
-async def _first(*events: asyncio.Event) -> None:
-    waits = [asyncio.ensure_future(event.wait()) for event in events]
-    await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-    for wait in waits:
-        wait.cancel()
-
-
-def _is_stopped(pid: int) -> bool:
-    """Whether a signal has stopped a process: state T in /proc, after the name in brackets."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "T"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-
-
-def _cause(member: _Member) -> str:
-    if member.stopped_from_outside:
-        return "was stopped from outside"
-    exit_code = member.process.exitcode
-    return "was killed from outside" if exit_code is not None and exit_code < 0 else f"ended with exit code {exit_code}"
