@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, partial
-from typing import Annotated, Any, Literal, Required, TypeVar
+from typing import Annotated, Any, Literal, Required, TypeVar, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic import create_model as create_pydantic_model
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
 
@@ -50,6 +60,23 @@ class Reader:
         )
 
 
+@dataclass(frozen=True)
+class _OrFirstField:
+    """Tells JSON Schema that the value of a model's first field stands for all of it."""
+
+    model: Any
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """The model's schema, or that of its first field."""
+        hints = get_type_hints(self.model, include_extras=True)
+        return {"anyOf": [handler(schema), TypeAdapter(hints[fields(self.model)[0].name]).json_schema()]}
+
+
+def _is_one_value(model: Any) -> bool:
+    """Whether the first field is all that a model needs."""
+    return is_dataclass(model) and [field.default is MISSING for field in fields(model)].count(True) == 1
+
+
 class OneOf:
     """Reads models that are written as a name, as `{name: {fields}}`, or as `{name: value of the first field}`.
 
@@ -60,7 +87,11 @@ class OneOf:
         self._models = models
         self._of_scalar = of_scalar
         written: dict[str, Any] = {
-            name.replace("-", "_"): (model, Field(default=None, alias=name)) for name, model in models.items()
+            name.replace("-", "_"): (
+                Annotated[model, _OrFirstField(model)] if _is_one_value(model) else model,
+                Field(default=None, alias=name),
+            )
+            for name, model in models.items()
         }
         self.written = create_pydantic_model(title, __config__=STRICT, **written)
         self._adapter: TypeAdapter[BaseModel] = TypeAdapter(self.written)

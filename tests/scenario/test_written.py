@@ -137,3 +137,13 @@ def test_the_schema_is_json_and_knows_the_fields() -> None:
     assert {"links", "faults", "world", "seed"} <= schema["properties"].keys()
     assert "gilbert-elliott" in json.dumps(schema)
     assert schema["$defs"]["Agents"]["additionalProperties"] is True
+
+
+def test_the_schema_knows_that_a_value_stands_for_a_model() -> None:
+    """`{bernoulli: 0.1}`, `{frames: [3]}`, `{trace: loss.csv}` and `{constant: 2 ms}` are no errors in an editor."""
+    definitions = json_schema()["$defs"]
+    losses, latencies = definitions["LossModel"]["properties"], definitions["LatencyModel"]["properties"]
+    shapes = [losses["bernoulli"], losses["frames"], losses["trace"], latencies["constant"]]
+    for model, kind in zip(shapes, ["number", "array", "string", "string"], strict=True):
+        assert kind in {shape.get("type") for shape in model["anyOf"]}
+    assert "anyOf" not in losses["markov"]

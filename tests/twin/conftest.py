@@ -18,9 +18,9 @@ from volery.experiments.slots import radio_slots
 from volery.experiments.twin import Twin
 from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
-from volery.transport.latencies import Constant, Normal, Uniform
+from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.losses import Bernoulli, BitError, Frames, GilbertElliott, GilbertElliottTime, LossTrace
 from volery.transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from volery.units import period_ns
 
@@ -182,8 +182,10 @@ def _medium(rng: np.random.Generator) -> Any:
 
 
 def _latency(rng: np.random.Generator) -> Any:
-    low = int(rng.integers(0, 8 * MS))
-    return _one(rng, Constant(0), Constant(low), Uniform(low, low + 3 * MS), Normal(low, low // 4))
+    low = int(rng.integers(MS // 2, 8 * MS))
+    smooth = _one(rng, Uniform(low, low + 3 * MS), Normal(low, low // 4), Gamma(low, low // 2, correlation=0.7))
+    heavy = _one(rng, LogNormal(low, low // 2), Pareto(low, 3.0), LatencyTrace((0, 30 * MS), (low, MS), 70 * MS))
+    return _one(rng, Constant(0), Constant(low), smooth, heavy)
 
 
 def _rate(rng: np.random.Generator) -> Any:
@@ -191,7 +193,8 @@ def _rate(rng: np.random.Generator) -> Any:
 
 
 def _loss(rng: np.random.Generator) -> Any:
-    return _one(rng, (), (Bernoulli(0.3),), (GilbertElliott(0.2, 0.4),))
+    in_time = _one(rng, GilbertElliottTime(30 * MS, 10 * MS, 0.9), LossTrace((0, 40 * MS), (0.1, 0.6), 90 * MS))
+    return _one(rng, (), (Bernoulli(0.3, 0.5),), (GilbertElliott(0.2, 0.4), Frames((2,))), (in_time, BitError(1e-3)))
 
 
 def _settings(rng: np.random.Generator, medium: Any) -> LinkSettings:
