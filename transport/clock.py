@@ -35,6 +35,10 @@ class Clock:
             return time_ns
         return time_ns + sum(offset + (time_ns - at) * drift // _BILLION for at, offset, drift in self._faults)
 
+    def first_reading(self, time_ns: int) -> int:
+        """The least reading that is not reached before an instant: a fast clock shows several within a nanosecond."""
+        return self.reading(time_ns - 1) + 1
+
     def when(self, reading_ns: int, from_ns: int) -> int:
         """The first nominal instant from `from_ns` on at which the clock shows at least `reading_ns`."""
         if self.true or self.reading(from_ns) >= reading_ns:

@@ -28,7 +28,7 @@ class DamagedFrame(VoleryError):
 class Frame(NamedTuple):
     """One frame on the link, or a bare promise (`sequence` is then −1 and nothing is delivered).
 
-    `promise_ns`: no later frame of this link starts before that instant; None outside lockstep pace.
+    `promise_ns`: no later frame of this link starts before that instant; None where nothing is promised.
     `sent`: frames of this link and incarnation put so far, this one included. `copy` is 1 for a duplicate.
     """
 

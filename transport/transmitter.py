@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from .clock import Clock
+from .csma import Csma
 from .links import LinkSettings, duration_ns
 from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Transceiver
 from .propagation import Copy, Propagation
@@ -141,9 +142,10 @@ class Transmitter:
         if isinstance(medium, FullDuplex):
             return ready
         airtime = settings.airtime_ns(payload_bytes)
-        if self._clock.true:
+        if self._clock.true or isinstance(medium.access, Csma):
             return medium.access.earliest_start(ready, airtime, self._slot, self._slots)
-        start = medium.access.earliest_start(self._clock.reading(ready), airtime, self._slot, self._slots)
+        first_reading = self._clock.first_reading(ready)
+        start = medium.access.earliest_start(first_reading, airtime, self._slot, self._slots)
         return self._clock.when(start, ready)
 
     @staticmethod

@@ -164,6 +164,15 @@ def test_a_clock_shows_a_reading_at_the_first_instant(faults: list[Any], now: in
     assert when == now or clock.reading(when - 1) < wanted
 
 
+@given(offset=st.integers(-(10**8), 10**8), drift=st.integers(-(10**8), 10**8), ready=st.integers(10**9, 2 * 10**9))
+def test_a_slot_that_was_found_is_found_again(offset: int, drift: int, ready: int) -> None:
+    """However fast or slow the clock: at the start that was found a frame may start."""
+    link = Transmitter([way(LinkSettings(medium=HalfDuplex("node", SlottedAloha(4 * MS)), rate=1e6))])
+    link.set_clock(Clock([ClockFault("c", 0, None, "1", offset, drift)]))
+    start = link.earliest_next(ready)
+    assert link.earliest_next(start) == start
+
+
 def test_a_drifting_clock_reads_as_the_design_says() -> None:
     """T + offset + (t − t₀)·ppb // 10⁹; drifts that let it stand still are refused."""
     clock = Clock([ClockFault("c", 10**9, None, "1", 500, 20_000)])

@@ -204,6 +204,7 @@ def _settings(rng: np.random.Generator, medium: Any) -> LinkSettings:
         overhead=int(rng.integers(0, 5)),
         queue=Queue(int(rng.integers(1, 5)), _one(rng, "drop-tail", "drop-head", "latest")),
         loss=_loss(rng),
+        duplication=_one(rng, 0.0, 0.3),
         latency=_latency(rng),
     )
 
