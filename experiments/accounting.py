@@ -17,7 +17,8 @@ from ..transport.links import DELIVERED
 from .record import Record
 from .stories import IN_FLIGHT, MISSING, QUEUE, REFUSED, UNKNOWN, Story, stories
 
-_NOT_LOST = {REFUSED, QUEUE, DELIVERED, UNKNOWN, IN_FLIGHT, MISSING}
+NOT_LOST = {REFUSED, QUEUE, DELIVERED, UNKNOWN, IN_FLIGHT, MISSING}
+"""Fates that are no loss on the link; every other is the cause of one."""
 _QUANTILES = (0.5, 0.99, 1.0)
 
 
@@ -81,7 +82,7 @@ def link_account(frames: Sequence[Story], elapsed_ns: int) -> LinkAccount:
         duplicated=sum(frame.copy for frame in frames),
         refused=fates[REFUSED],
         queue=fates[QUEUE],
-        lost={fate: count for fate, count in sorted(fates.items()) if fate not in _NOT_LOST},
+        lost={fate: count for fate, count in sorted(fates.items()) if fate not in NOT_LOST},
         delivered=fates[DELIVERED],
         unknown=fates[UNKNOWN],
         in_flight=fates[IN_FLIGHT],

@@ -121,8 +121,9 @@ def _channel(
     sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Transmission], place: _Place, alpha: float
 ) -> Channel:
     """Compare one link; `radio`: what the radio that it goes over transmitted, by incarnation and start."""
-    originals = [frame for frame in sent if not frame.copy]
-    uncut = [frame for frame in originals if frame.verdict != CUT]
+    ordered = sorted(sent, key=lambda frame: (frame.incarnation, frame.start_ns))
+    originals = [frame for frame in ordered if not frame.copy]
+    uncut = [frame for frame in sent if frame.verdict != CUT and not frame.copy]
     kept = [frame for frame in uncut if frame.verdict != LOST]
     intact = [frame for frame in kept if frame.verdict != CORRUPT]
     return Channel(
@@ -130,7 +131,7 @@ def _channel(
         loss=_swallowed(uncut, place, "loss", LOST, alpha),
         corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
         duplication=_duplication(intact, len(sent) - len(originals), alpha),
-        latency=_latency(sent, alpha),
+        latency=_latency(ordered, alpha),
         rate=_rate(originals),
         burst=_burst([radio[key] for key in sorted(radio)] if radio else originals),
     )

@@ -35,6 +35,7 @@ _COMMANDS = {
     "fault": (_LIVE, "faults:fault", "Inject faults into a running swarm, and undo them."),
     "stop": (_LIVE, "live:stop", "End a running swarm early; what was recorded is kept."),
     "metrics": (_RESULTS, "results:metrics", "Compute and print the metrics of runs."),
+    "trace": (_RESULTS, "trace:trace_run", "Print what became of the frames of a run, line by line."),
     "plot": (_RESULTS, "results:plot_run", "Draw the figures of a run."),
     "export": (_RESULTS, "results:export_run", "Write a run as tables or arrays for other programs."),
     "verify": (_RESULTS, "results:verify_run", "Replay a run in the twin and compare bit for bit."),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 
 from rich.console import Console
 
@@ -26,3 +27,18 @@ def print_error(message: str) -> None:
     """Print what went wrong; places such as file:line:column begin a line of their own."""
     start = "error:\n" if "\n" in message else "error: "
     Console(stderr=True, highlight=False).print(start + message, markup=False, soft_wrap=True, style="red")
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print many lines as they are; a reader that has enough, such as `head`, ends it quietly."""
+    try:
+        for line in lines:
+            sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nor may the interpreter complain at its end
+
+
+def print_note(message: str) -> None:
+    """Say something about the output that is not part of it."""
+    Console(stderr=True, highlight=False).print(message, markup=False, soft_wrap=True)

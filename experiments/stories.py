@@ -18,7 +18,7 @@ from ..transport.links import DELIVERED
 from .record import Life, Record, last_ns
 
 _Entry = TypeVar("_Entry", Sent, Dropped, Heard)
-REFUSED, QUEUE = "refused", "queue"
+REFUSED, QUEUE, ACCESS = "refused", "queue", "access"
 IN_FLIGHT, UNKNOWN, MISSING = "in-flight", "unknown", "missing"
 RECEIVER_DOWN, SENDER_DOWN = "receiver-down", "sender-down"
 

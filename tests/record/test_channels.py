@@ -157,6 +157,16 @@ def test_overlapping_frames_are_faster_than_the_rate(plan_of: Make, second: int,
     assert of_link(record).rate.decision == decision
 
 
+def test_a_newer_frame_may_go_out_before_an_older_one(plan_of: Make) -> None:
+    """As the queue policy `latest` lets it: in the order of their starts they do not overlap."""
+    starts = ((1, 0), (0, 64))
+    sent = [Sent("2", number, 8, start * MS, 64 * MS, (start + 69) * MS, "delivered") for number, start in starts]
+    collector = Collector()
+    collector(Batch("1", 0, sent=sent))
+    settings = LinkSettings(rate=1000.0, latency=Constant(5 * MS), queue=Queue(policy="latest"))
+    assert of_link(collector.record(plan_of([LINK], settings=settings))).rate.decision == "within"
+
+
 @pytest.mark.parametrize(
     ("medium", "used"),
     [
