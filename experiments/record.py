@@ -75,6 +75,11 @@ class Record:
         return tuple(sorted(faults.values(), key=lambda fault: (fault.at_ns, fault.id)))
 
     @cached_property
+    def as_run(self) -> Plan:
+        """The plan with the faults as they really were: what sensors said follows from it."""
+        return replace(self.plan, faults=self.faults)
+
+    @cached_property
     def broken_off(self) -> frozenset[Life]:
         """Lives whose entries may stop before their end: not killed by a fault, or all if the run was broken off."""
         if self.end_ns is None:

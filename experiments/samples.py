@@ -64,7 +64,7 @@ def samples(record: Record, quantity: str) -> Samples:
         BadInput: nobody reported it, or in different lengths.
     """
     series = record.estimates(quantity)
-    beside = references(record.plan, quantity, series)
+    beside = references(record.as_run, quantity, series)
     if _numbered([mine.sample for mine in series.values()]):
         time_ns, index, rows = _by_sample(series)
     else:

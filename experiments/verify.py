@@ -56,7 +56,7 @@ def verify(folder: Path) -> Verdict:
 
 def replay(record: Record) -> Mapping[Life, Batch]:
     """What the twin makes of the same plan, with the faults as they really were."""
-    plan = replace(record.plan, faults=record.faults, duration_ns=_duration_ns(record))
+    plan = replace(record.as_run, duration_ns=_duration_ns(record))
     collector = Collector()
     Twin(plan, collector, last_heard(record)).run()
     return collector.batches
