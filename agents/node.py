@@ -30,7 +30,7 @@ from ..transport.events import (
     TRANSMIT,
     Event,
 )
-from ..transport.faults import ClockFault, Fault, Kill, LinkFault, Pause, effective
+from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, effective
 from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
 from ..units import first_period, period_ns
@@ -62,7 +62,8 @@ class Node:
 
     `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
     `neighbours` are all that it ever has, `present` those that it has now. `known` are all faults of the run that it
-    was told of, `faults` those that touch it.
+    was told of, `faults` those that touch it. `hogged` is the share of its processor that something else takes, which
+    nothing but the wall clock notices.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Node:
         self.faults: dict[str, Fault] = {}
         self.clock = Clock()
         self.in_frame = False
+        self.hogged = 0.0
         self._last: Event = (start_ns, FAULT, "", -1, 0, index, self._on_fault, None)
         self._waiting: list[tuple[Event, Callable[[Event], None]]] | None = None
         self._timers: dict[int, tuple[int, Timer]] = {}
@@ -243,6 +245,9 @@ class Node:
             self._stand_still_or_go_on()
         elif isinstance(fault, ClockFault):
             self._set_clock()
+        elif isinstance(fault, Hog):
+            hogs = (other for other in self.faults.values() if isinstance(other, Hog))
+            self.hogged = max((hog.share for hog in hogs if hog.in_force(self.now_ns)), default=0.0)
         elif isinstance(fault, Kill) and event[TIME] == fault.at_ns:
             self._die(fault)
 

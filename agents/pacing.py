@@ -18,6 +18,7 @@ from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promis
 from ..transport.media import AIR
 from ..transport.promises import Horizon, lookahead_segments
 from ..transport.timerfd import TimerFd
+from .burning import Burner
 from .node import Node
 
 _GRACE_S = 0.1
@@ -99,6 +100,8 @@ class Realtime:
         self._leaving: asyncio.TimerHandle | None = None
         self._timer = TimerFd(loop, guard(self.advance))
         self._armed_ns = 0
+        self._burner = Burner()
+        self._burning = 0.0
 
     def begin(self, node: Node, beginning: Beginning) -> None:
         """Start the clock."""
@@ -160,6 +163,9 @@ class Realtime:
         while heap and (heap[0][TIME] <= limit or (heap[0][RANK] >= OFFER and heap[0][TIME] <= link_limit)):
             event = heappop(heap)
             event[HANDLER](event)
+        if node.hogged != self._burning:
+            self._burning = node.hogged
+            self._burner.burn(self._burning)
         node.transmit_ahead(min(now + self._ahead_ns, self._end_ns))
         while heap and heap[0][RANK] == TRANSMIT and not node.sending.awaits(heap[0]):
             heappop(heap)
@@ -211,7 +217,8 @@ class Realtime:
         """Nobody waits for a neighbour here."""
 
     def close(self) -> None:
-        """Stop the timer."""
+        """Stop the timer, and whatever hogs the processor."""
+        self._burner.burn(0.0)
         self._timer.close()
 
 

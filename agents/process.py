@@ -105,7 +105,6 @@ class _Shell:
             }
             if radio:
                 self._links[AIR] = zs.publisher(session, keys.air(it.name))
-                self._listening = session.declare_subscriber(keys.air("*"), self._heard)
             self._telemetry = zs.publisher(session, keys.telemetry(it.name))
             self._pacer: Realtime | Lockstep = (
                 Realtime(loop, self._write, self._done, self._guard, it.speed)
@@ -114,6 +113,7 @@ class _Shell:
             )
             self._orders = zs.Inbox(loop, _ORDERS_LIMIT, self._ordered)
             self._hearing = session.declare_subscriber(keys.inbox(it.name), self._heard)
+            self._listening = session.declare_subscriber(keys.air("*"), self._heard) if radio else None
             self._answering = session.declare_queryable(self._control, self._orders.push)
             self._token = session.liveliness().declare_token(keys.alive(it.name, it.incarnation))
             await self._flush_until_stopped()

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ from volery.experiments.record import Record
 from volery.experiments.swarm import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport import zenoh_session as zs
+from volery.transport.faults import Hog
 from volery.transport.keys import Keys
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -158,6 +160,7 @@ def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
     assert last["5"] < 2_900_000_000
 
 
+MS = 1_000_000
 _ASYNCHRONOUS = ("agents.estimator=running-sum", "agents.timing=asynchronous")
 
 
@@ -229,3 +232,22 @@ def test_a_changing_graph_in_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
     late_links = [link for link, spans in plan.presence.items() if spans[0][0] > 0]
     heard = {(entry.source, name) for (name, _), batch in record.batches.items() for entry in batch.heard}
     assert heard >= set(late_links)
+
+
+def test_a_hog_takes_processor_time_and_nothing_else(plan_of: PlanOf) -> None:
+    """The hogged agent uses far more of it than the others, and the run equals a twin that knows of no hog."""
+    plan = replace(
+        plan_of("dfa4", "duration=3 s", "links.latency=20 ms", *_ASYNCHRONOUS),
+        faults=(Hog("t1", 500 * MS, 2500 * MS, "2", 0.5),),
+    )
+    record, ending = run_swarm(plan, "realtime")
+    assert ending.problems == ()
+    spent = {
+        agent: event["cpu_s"]
+        for (agent, _), batch in record.batches.items()
+        for event in batch.events
+        if event["event"] == "done"
+    }
+    assert spent["2"] > 0.3 + max(seconds for agent, seconds in spent.items() if agent != "2")
+    if not any(batch.late for batch in record.batches.values()):
+        assert list(compare(record, replay(record), 0.0)) == []
