@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 PRESET = "preset"
-PresetName = Literal["irda-115k", "uart-radio-57k", "lora", "acoustic-underwater"]
+PresetName = Literal["irda-115k", "uart-radio-57k", "wifi-adhoc", "802.15.4", "lora", "acoustic-underwater"]
 _MERGED = ("medium", "queue", "bucket")
 """Fields of which a scenario may change a part."""
 
@@ -67,6 +67,44 @@ PRESETS: Mapping[PresetName, Preset] = {
         },
         "pairs of telemetry radios with SiK firmware",
         "The second serial line, the radios' turns of up to 131 ms (MAX_WINDOW), and frequency hopping.",
+    ),
+    "wifi-adhoc": Preset(
+        {
+            "medium": {"kind": "half-duplex", "per": "node", "access": "csma"},
+            "rate": "1 Mbit/s",
+            "overhead": "88 B",
+            "mtu": "1472 B",
+        },
+        {
+            "medium": "IEEE 802.11: stations listen before they talk; broadcasts are not acknowledged",
+            "rate": "IEEE 802.11b: broadcasts go at a basic rate, of which 1 Mbit/s is the lowest",
+            "overhead": (
+                "IEEE 802.11b: long preamble and PLCP header 192 µs, as long as 24 B at 1 Mbit/s; MAC header 24 B and "
+                "check sequence 4 B; LLC and SNAP 8 B; IPv4 20 B; UDP 8 B"
+            ),
+            "mtu": "1500 B of IP less 28 B of IPv4 and UDP headers",
+        },
+        "broadcasts of a wireless network without access points",
+        "Its own backoff: access is the unslotted CSMA/CA of IEEE 802.15.4, not the DCF; higher rates, beacons.",
+    ),
+    "802.15.4": Preset(
+        {
+            "medium": {"kind": "half-duplex", "per": "node", "access": "csma"},
+            "rate": "250 kbit/s",
+            "overhead": "17 B",
+            "mtu": "116 B",
+        },
+        {
+            "medium": "IEEE 802.15.4: unslotted CSMA/CA of a network without beacons",
+            "rate": "IEEE 802.15.4, O-QPSK at 2.4 GHz: 250 kbit/s",
+            "overhead": (
+                "IEEE 802.15.4: preamble 4 B, delimiter 1 B, length 1 B; frame control 2 B, sequence 1 B, PAN 2 B, "
+                "two short addresses 4 B, check sequence 2 B"
+            ),
+            "mtu": "IEEE 802.15.4: aMaxPHYPacketSize 127 B, less 11 B of the MAC frame around a payload",
+        },
+        "low-power radios at 2.4 GHz",
+        "Acknowledgements and retries, beacons, security headers.",
     ),
     "lora": Preset(
         {

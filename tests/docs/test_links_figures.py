@@ -21,7 +21,8 @@ from .conftest import DOCS, blocks, typed
 
 PAGE = "links.md"
 TEXT = (DOCS / PAGE).read_text("utf-8")
-IN_CODE = set(re.findall(r"[\w-]+", " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))))
+CODE = " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))
+IN_CODE = {*re.findall(r"[\w-]+", CODE), *re.findall(r"[\w-]+(?:\.\w+)+", CODE)}
 FIGURES = re.findall(r"\]\(images/links/(\w+)\.png\)", TEXT)
 SMALL_BYTES = 80_000
 BASE = {

@@ -24,7 +24,8 @@ from .conftest import DOCS, blocks
 PAGE = "scenario.md"
 TEXT = (DOCS / PAGE).read_text("utf-8")
 EXAMPLE, *FRAGMENTS = blocks(PAGE, "yaml")
-IN_CODE = set(re.findall(r"[\w-]+", " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))))
+CODE = " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))
+IN_CODE = {*re.findall(r"[\w-]+", CODE), *re.findall(r"[\w-]+(?:\.\w+)+", CODE)}
 
 
 def schema_names(node: Any) -> Iterator[str]:

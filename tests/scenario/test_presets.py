@@ -47,6 +47,8 @@ def test_airtimes_follow_from_the_preset() -> None:
         {
             "irda-115k": 26 * 10 / 115.2,
             "uart-radio-57k": 28 * 10 / 57.6,
+            "wifi-adhoc": 108 * 8 / 1000,
+            "802.15.4": 37 * 8 / 250,
             "lora": 38 * 8 / 5.46875,
             "acoustic-underwater": 20 * 8 / 13.9,
         }
