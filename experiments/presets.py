@@ -29,6 +29,8 @@ class Preset:
     missing: str
 
 
+_DSSS = {"min_be": 5, "max_be": 5, "max_backoffs": 15, "period": "20 us", "cca": "15 us", "turnaround": "5 us"}
+
 PRESETS: Mapping[PresetName, Preset] = {
     "irda-115k": Preset(
         {
@@ -70,13 +72,16 @@ PRESETS: Mapping[PresetName, Preset] = {
     ),
     "wifi-adhoc": Preset(
         {
-            "medium": {"kind": "half-duplex", "per": "node", "access": "csma"},
+            "medium": {"kind": "half-duplex", "per": "node", "access": {"csma": _DSSS}},
             "rate": "1 Mbit/s",
             "overhead": "88 B",
             "mtu": "1472 B",
         },
         {
-            "medium": "IEEE 802.11: stations listen before they talk; broadcasts are not acknowledged",
+            "medium": (
+                "IEEE 802.11b: slots of 20 µs, aCCATime 15 µs, aRxTxTurnaroundTime 5 µs, backoff of 0 to aCWmin = 31 "
+                "slots, which a broadcast does not double; max_backoffs is the most there is, as DCF does not give up"
+            ),
             "rate": "IEEE 802.11b: broadcasts go at a basic rate, of which 1 Mbit/s is the lowest",
             "overhead": (
                 "IEEE 802.11b: long preamble and PLCP header 192 µs, as long as 24 B at 1 Mbit/s; MAC header 24 B and "
@@ -85,7 +90,8 @@ PRESETS: Mapping[PresetName, Preset] = {
             "mtu": "1500 B of IP less 28 B of IPv4 and UDP headers",
         },
         "broadcasts of a wireless network without access points",
-        "Its own backoff: access is the unslotted CSMA/CA of IEEE 802.15.4, not the DCF; higher rates, beacons.",
+        "The DCF itself: access is CSMA/CA of the form of IEEE 802.15.4 with these times, so a station that finds the "
+        "channel busy draws anew instead of freezing its backoff, and there is no DIFS; higher rates, beacons.",
     ),
     "802.15.4": Preset(
         {
@@ -95,7 +101,7 @@ PRESETS: Mapping[PresetName, Preset] = {
             "mtu": "116 B",
         },
         {
-            "medium": "IEEE 802.15.4: unslotted CSMA/CA of a network without beacons",
+            "medium": "IEEE 802.15.4: unslotted CSMA/CA of a network without beacons, standard parameters",
             "rate": "IEEE 802.15.4, O-QPSK at 2.4 GHz: 250 kbit/s",
             "overhead": (
                 "IEEE 802.15.4: preamble 4 B, delimiter 1 B, length 1 B; frame control 2 B, sequence 1 B, PAN 2 B, "
