@@ -91,7 +91,7 @@ class Context(Protocol):
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
         """Ask for `on_timer` at an instant that is not before that of the event in hand.
 
-        Where that event had to wait and the instant is over, it rings at once.
+        Where that event had to wait and the instant is over, or where its own clock has jumped, it rings at once.
 
         Raises:
             BadInput: the instant is before the event in hand.
@@ -163,6 +163,11 @@ class Agent:
     def sends_per_second(cls, parameters: Any) -> float | None:
         """Frames per second that such an agent offers to each neighbour, if it can be told beforehand."""
         return None
+
+    @classmethod
+    def is_silent(cls, plan: Plan, name: str) -> bool:
+        """Whether this agent of a plan never sends, as far as it can be told beforehand."""
+        return cls.sends_per_second(plan.agent(name).parameters) == 0
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:

@@ -122,6 +122,12 @@ class Beacon(Agent):
         return rate if parameters.talkers == "all" else None
 
     @classmethod
+    def is_silent(cls, plan: Plan, name: str) -> bool:
+        """Who is not among the talkers only listens."""
+        agent = plan.agent(name)
+        return not agent.parameters.talks(name, len(agent.neighbours))
+
+    @classmethod
     def broadcasts(cls, parameters: Any) -> bool:
         """As its parameter says."""
         once: bool = parameters.broadcast

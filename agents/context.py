@@ -74,8 +74,8 @@ class NodeContext:
         self._node.sending.broadcast(self.neighbours, payload, stream)
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
-        """Ask for `on_timer` at an instant that is not before that of the event in hand."""
-        if time_ns < self._node.event_ns:
+        """Ask for `on_timer` at an instant that is not before that of the event in hand, unless its own clock jumps."""
+        if time_ns < self._node.event_ns and not self._node.clock_jumps():
             raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {self._node.event_ns} ns")
         self._check_promise()
         self._node.set_timer(Timer(name, index, time_ns))

@@ -153,6 +153,10 @@ class Node:
         value = measured(self.plan, self.faults.values(), self.name, sensor, index)
         self.agent.on_sample(Sample(sensor, index, self.clock.reading(event[TIME]), value))
 
+    def clock_jumps(self) -> bool:
+        """Whether the agent's own clock may have jumped over an instant that it planned for."""
+        return any(isinstance(fault, ClockFault) and fault.at_ns <= self.now_ns for fault in self.faults.values())
+
     def set_timer(self, timer: Timer) -> None:
         """Schedule a timer by the agent's own clock; one that is over rings at once."""
         self._count += 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from heapq import heappop
 
@@ -184,10 +184,11 @@ class Realtime:
             return time_ns - self._ahead_ns
         return time_ns - self._early_ns if rank >= OFFER else time_ns
 
-    def arm(self, fault: Fault, instant_ns: int) -> bool:
-        """Arm a live fault that changes something at an instant; whether there is time left until then."""
+    def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
+        """Arm live faults that change something from an instant on; whether there is time left until then."""
         in_time = instant_ns > self.hold()
-        self._node.arm(fault)
+        for fault in faults:
+            self._node.arm(fault)
         self._stay()
         self.advance()
         return in_time
@@ -367,10 +368,11 @@ class Lockstep:
         self._end_ns = instant_ns
         return instant_ns > self._node.now_ns
 
-    def arm(self, fault: Fault, instant_ns: int) -> bool:
-        """Arm a live fault while held; its instant lies beyond every promise."""
+    def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
+        """Arm live faults while held; their instant lies beyond every promise."""
         in_time = instant_ns > self._node.now_ns
-        self._node.arm(fault)
+        for fault in faults:
+            self._node.arm(fault)
         self._horizon.intervene(instant_ns)
         for outlet, told in self._told.items():
             if told >= FOREVER_NS:

@@ -62,7 +62,7 @@ class Plan:
 
     `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
     which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
-    how many there are), for radios that take turns.
+    how many there are), for radios that take turns. `groups`: name → agents, as live faults may name them.
     """
 
     name: str
@@ -74,6 +74,7 @@ class Plan:
     faults: tuple[Fault, ...] = field(default=())
     presence: Mapping[LinkName, tuple[Span, ...]] = field(default_factory=dict)
     slots: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name."""

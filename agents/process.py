@@ -220,8 +220,8 @@ class _Shell:
         self._pacer.gone(agent, incarnation)
         return True
 
-    def _arm(self, fault: Any, instant_ns: int) -> bool:
-        return self._pacer.arm(from_plain(fault), instant_ns)
+    def _arm(self, faults: list[Any], instant_ns: int) -> bool:
+        return self._pacer.arm([from_plain(fault) for fault in faults], instant_ns)
 
     def _end(self, instant_ns: int) -> bool:
         """The run ends earlier than planned, at an instant that is still to come."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import networkx as nx
@@ -12,13 +11,15 @@ from .. import topologies, worlds
 from ..agents.plan import AgentPlan, Moving, Plan, World
 from ..errors import BadInput
 from ..topologies import TimedGraph
-from ..transport.faults import Fault, Kill, LinkName
+from ..transport.faults import Fault, LinkName
 from ..transport.links import LinkSettings
+from .contradictions import contradictions
+from .expansion import expand
+from .fault_places import Places, changed_links, group_problems
 from .fitting import misfits
 from .reading import Problem
 from .schema import Scenario
 from .slots import radio_slots
-from .timeline import ALL, changed_links, expand, parse_links
 from .writing import quantity
 
 _PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
@@ -46,8 +47,10 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         timed, world = _surroundings(scenario, of_world)
     except BadInput as error:
         return None, [_placed(error, "topology")]
-    links = _links(scenario, timed.union, problems)
-    faults = _faults(scenario, list(links), problems)
+    places = Places(topologies.edges(timed.union), scenario.groups, scenario.seed, world)
+    problems.extend(Problem(("groups", name), text) for name, text in group_problems(scenario.groups, places.agents))
+    links = _links(scenario, places, problems)
+    faults = _faults(scenario, places, problems)
     problems.extend(of_world)
     plan = Plan(
         scenario.name,
@@ -59,9 +62,10 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         faults,
         presence={link: spans for edge, spans in timed.presence.items() for link in (edge, edge[::-1])},
         slots=radio_slots(links),
+        groups=scenario.groups,
     )
     if not problems:
-        problems = list(misfits(plan))
+        problems = [*misfits(plan), *contradictions(plan, scenario.faults)]
     return plan, problems
 
 
@@ -104,12 +108,11 @@ def _agents(scenario: Scenario, graph: nx.Graph, *, placed: bool) -> tuple[Agent
     )
 
 
-def _links(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
-    edges = topologies.edges(graph)
-    links = dict.fromkeys(parse_links(ALL, edges), scenario.links.base)
+def _links(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
+    links = dict.fromkeys(places.links, scenario.links.base)
     for index, override in enumerate(scenario.links.only):
         try:
-            changed = changed_links(override.where, override.changes, edges)
+            changed = changed_links(override.where, override.changes, replace(places, fault_id=f"only{index + 1}"))
         except BadInput as error:
             problems.append(Problem(("links", "only", index, "where"), str(error)))
             continue
@@ -117,32 +120,18 @@ def _links(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> dict
     return links
 
 
-def _faults(scenario: Scenario, links: Sequence[LinkName], problems: list[Problem]) -> tuple[Fault, ...]:
+def _faults(scenario: Scenario, places: Places, problems: list[Problem]) -> tuple[Fault, ...]:
     faults: list[Fault] = []
     for index, entry in enumerate(scenario.faults):
-        if entry.at >= scenario.duration:
-            at, end = quantity(entry.at, "ns"), quantity(scenario.duration, "ns")
+        if entry.start_ns >= scenario.duration:
+            at, end = quantity(entry.start_ns, "ns"), quantity(scenario.duration, "ns")
             text = f"starts at {at}, the run ends at {end}: start it earlier"
-            problems.append(Problem(("faults", index, "at"), text))
+            problems.append(Problem(("faults", index, "from" if entry.at is None else "at"), text))
         try:
-            fault = expand(entry, f"t{index + 1}", links)
+            faults += expand(entry, f"t{index + 1}", places, scenario.duration)
         except BadInput as error:
             problems.append(Problem(("faults", index, entry.place), str(error)))
-            continue
-        if isinstance(fault, Kill) and (other := _overlapping(fault, faults)):
-            text = f"agent {fault.agent} is down then already, by fault {other.id}: let one end before the other starts"
-            problems.append(Problem(("faults", index, "kill"), text))
-        faults.append(fault)
     return tuple(faults)
-
-
-def _overlapping(kill: Kill, faults: Sequence[Fault]) -> Kill | None:
-    for other in faults:
-        if isinstance(other, Kill) and other.agent == kill.agent:
-            first, second = sorted((kill, other), key=lambda fault: fault.at_ns)
-            if first.until_ns is None or second.at_ns < first.until_ns:
-                return other
-    return None
 
 
 def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> World | None:

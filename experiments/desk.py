@@ -63,8 +63,10 @@ class Desk:
             "status": self._status,
             "inject": lambda: self._injector.inject(request["fault"]),
             "clear": lambda: self._injector.clear(request["faults"]),
-            "restart": lambda: self._injector.restart(request["agent"]),
-            "restore": lambda: self._injector.restore(request["fault"]),
+            "restart": lambda: self._injector.restart(request["agents"]),
+            "resume": lambda: self._injector.resume(request["agents"]),
+            "restore": lambda: self._injector.restore(request["links"], "cut"),
+            "release": lambda: self._injector.restore(request["links"], "hold"),
             "stop": self._stop,
         }
         try:

@@ -1,4 +1,4 @@
-"""Short names of faults for figures and tables: "cut 3–7", "loss 0.5 all", "kill 5"."""
+"""Short names of faults for figures and tables: "cut 3–7", "loss 0.5 all", "kill 5", "clock 5 +20 ms"."""
 
 from __future__ import annotations
 
@@ -7,16 +7,28 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from ..topologies import natural_key
-from ..transport.faults import Fault, Kill, LinkFault, LinkName
+from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, LinkName, Pause, SensorFault
 
 _NAMED = 2
+_PPM = 1_000
 
 
 def fault_label(fault: Fault, link_count: int) -> str:
     """What a fault does and where; `link_count` is the number of directed links in all."""
-    if isinstance(fault, LinkFault):
-        return f"{', '.join(_change(*change) for change in fault.changes.items())} {_place(fault.links, link_count)}"
-    return f"{'kill' if isinstance(fault, Kill) else 'pause'} {fault.agent}"
+    match fault:
+        case LinkFault():
+            changes = ", ".join(_change(*change) for change in fault.changes.items())
+            return f"{changes} {_place(fault.links, link_count)}"
+        case Kill():
+            return f"kill {fault.agent}{', state kept' if fault.keep_state else ''}"
+        case Pause():
+            return f"pause {fault.agent}"
+        case Hog():
+            return f"hog {fault.agent} {fault.share:.0%}"
+        case ClockFault():
+            return f"clock {fault.agent} {_clock(fault)}"
+        case SensorFault():
+            return f"{fault.agent}.{fault.sensor} {_trouble(fault)}"
 
 
 def in_words(faults: Mapping[str, Fault], link_count: int) -> dict[str, str]:
@@ -25,8 +37,8 @@ def in_words(faults: Mapping[str, Fault], link_count: int) -> dict[str, str]:
 
 
 def _change(name: str, value: Any) -> str:
-    if name == "cut":
-        return "cut" if value else "not cut"
+    if name in ("cut", "hold"):
+        return name if value else f"no {name}"
     if name == "rate":
         return "rate unlimited" if value is None else f"rate {value / 1e3:g} kbit/s"
     models = value if isinstance(value, tuple) else (value,)
@@ -40,6 +52,18 @@ def _model(name: str, model: Any) -> str:
     told = [field for field in fields(model)[:_NAMED] if getattr(model, field.name) != field.default]
     numbers = [getattr(model, field.name) for field in told]
     return ", ".join(f"{number / 1e6:g} ms" if name == "latency" else f"{number:g}" for number in numbers)
+
+
+def _clock(fault: ClockFault) -> str:
+    offset = f"{fault.offset_ns / 1e6:+g} ms" if fault.offset_ns else ""
+    drift = f"{fault.drift_ppb / _PPM:+g} ppm" if fault.drift_ppb else ""
+    return ", ".join(filter(None, (offset, drift)))
+
+
+def _trouble(fault: SensorFault) -> str:
+    sizes = ", ".join(f"{size:g}" for size in fault.size)
+    often = f", {fault.probability:.3g} of samples" if fault.trouble == "spikes" else ""
+    return f"{fault.trouble}{f' {sizes}' if sizes else ''}{often}"
 
 
 def _place(links: tuple[LinkName, ...], link_count: int) -> str:

@@ -12,6 +12,7 @@ from ..transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ..transport.links import LinkSettings
 from ..transport.losses import Distance
 from ..transport.media import EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
+from .expansion import entry_index
 from .reading import Loc, Problem
 from .writing import ACCESS_NAMES
 
@@ -24,9 +25,9 @@ def misfits(plan: Plan) -> Iterator[Problem]:
     for kind in sorted({agent.kind for agent in plan.agents}):
         for text in registry.find(kind).problems(plan):
             yield Problem(("agents",), text)
-    for number, fault in enumerate(plan.faults):
+    for fault in plan.faults:
         if (forgetting := forgets(plan, fault)) is not None:
-            yield Problem(("faults", number, "keep_state"), forgetting)
+            yield Problem(("faults", entry_index(fault), "keep_state"), forgetting)
     for loc, text, links in (*_link_misfits(plan), *_radio_misfits(plan)):
         more = f" and {len(links) - 1} more" if len(links) > 1 else ""
         yield Problem(loc, f"{text} (link {'>'.join(links[0])}{more})")
@@ -94,9 +95,9 @@ def _radio_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
         for field in RADIO_FIELDS if shared else ():
             if len({getattr(plan.links[link], field) for link in shared}) > 1:
                 yield ("links", "only"), f"agent {agent.name} has one radio, and {field} differs on its links", shared
-        for number, fault in enumerate(plan.faults):
+        for fault in plan.faults:
             if isinstance(fault, LinkFault) and (text := part_of_a_radio(fault, shared)):
-                yield ("faults", number, "where"), text, shared
+                yield ("faults", entry_index(fault), "where"), text, shared
 
 
 def part_of_a_radio(fault: LinkFault, shared: Sequence[LinkName]) -> str | None:
@@ -155,8 +156,7 @@ def _over_time(
     found: dict[str, Loc] = {text: ("links", field) for field, text in problems(base)}
     times = sorted({time for fault in faults for time in (fault.at_ns, fault.until_ns) if time is not None})
     for time in times if not found else ():
-        begun = [index for index, fault in enumerate(plan.faults) if fault in faults and fault.at_ns <= time]
-        latest = max(begun, key=lambda index: plan.faults[index].at_ns)
+        latest = max((fault for fault in faults if fault.at_ns <= time), key=lambda fault: fault.at_ns)
         for field, text in problems(effective(base, link, faults, time)):
-            found.setdefault(text, ("faults", latest, "set", field))
+            found.setdefault(text, ("faults", entry_index(latest), "set", field))
     return [(loc, text) for text, loc in found.items()]

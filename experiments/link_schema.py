@@ -31,6 +31,7 @@ from ..transport.losses import LOSSES, Loss, LossTrace
 from ..transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, SlottedAloha, Tdma
 from ..units import BitsPerSecond, Bytes, Nanoseconds
 from .explaining import did_you_mean, explain, schema_fields
+from .fault_places import read_words
 from .presets import PRESET, PresetName, with_preset
 from .reading import describe
 from .traces import read_trace
@@ -235,19 +236,12 @@ class LinkFields(TypedDict, total=False):
     present: bool
 
 
-def read_words(value: Any) -> tuple[str, ...]:
-    """Names of links or agents, one or a list, separated by commas inside a text; a number is an agent's name."""
-    words: list[str] = []
-    for item in value if isinstance(value, list) else [value]:
-        if isinstance(item, bool) or not isinstance(item, str | int):
-            raise BadInput(f"{item!r} names no link: write 3-7, 3>7, an agent's name, or all")
-        words.extend(str(item).replace(",", " ").split())
-    if not words:
-        raise BadInput("names no link: write 3-7, 3>7, an agent's name, or all")
-    return tuple(words)
+class _RandomFields(TypedDict):
+    __pydantic_config__ = STRICT  # type: ignore[misc]
+    random: float
 
 
-LinkWords = Annotated[tuple[str, ...], Reader(read_words, str | int | list[str | int])]
+Words = Annotated[tuple[str, ...], Reader(read_words, str | int | _RandomFields | list[str | int | _RandomFields])]
 
 
 class _PresetFields(LinkFields, total=False):
@@ -255,7 +249,7 @@ class _PresetFields(LinkFields, total=False):
 
 
 class _OnlyFields(_PresetFields, total=False):
-    where: Required[LinkWords]
+    where: Required[Words]
 
 
 class LinksFields(_PresetFields, total=False):

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..agents.registry import find
 from ..errors import BadInput
-from ..transport.faults import Fault, Kill, LinkFault, Pause, effective, in_force, to_plain
-from .fitting import placeless, settings_problems
+from ..transport.faults import Fault, Kill, LinkFault, Pause, in_force, to_plain
+from .expansion import entry_of, parse_fault
+from .fault_places import parse_agents, parse_links, places_of, read_words
+from .live_checks import Circumstances, refuse, warnings
 from .swarm import Swarm
-from .timeline import parse_fault
 from .twin import RecordSink
 
 _AHEAD_S = 0.05
 _TRIES = 3
+_UNDONE = {"cut": "is cut", "hold": "is held"}
 
 
 class Injector:
@@ -24,6 +25,7 @@ class Injector:
     def __init__(self, swarm: Swarm, sink: RecordSink) -> None:
         self._swarm = swarm
         self._sink = sink
+        self._places = places_of(swarm.plan)
         self._faults = swarm.live_faults
         self._faults.update({fault.id: fault for fault in swarm.plan.faults})
         self._count = 0
@@ -31,158 +33,178 @@ class Injector:
 
     def in_force(self) -> dict[str, Fault]:
         """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
-        return in_force(self._faults.values(), max(self._swarm.now_ns(), self._newest_ns))
+        return in_force(self._faults.values(), self._now_ns())
+
+    def _now_ns(self) -> int:
+        return max(self._swarm.now_ns(), self._newest_ns)
+
+    def _circumstances(self) -> Circumstances:
+        swarm = self._swarm
+        return Circumstances(
+            swarm.plan, swarm.pace, self._now_ns(), self.in_force(), swarm.status.alive, swarm.status.used
+        )
 
     async def inject(self, written: Mapping[str, Any]) -> str:
-        """Let a fault take effect, written as an entry of the timeline without `at`; what was done, in words.
+        """Let a fault take effect, written as an entry of the timeline with no time but `for`; what was done, in words.
 
         Raises:
             BadInput: not a fault, something that does not exist, or one without effect.
         """
         name = f"f{self._count + 1}"
-        drafted = parse_fault(written, name, 0, list(self._swarm.plan.links))
-        self._check(drafted)
+        remaining_ns = self._swarm.plan.duration_ns - self._now_ns()
+        drafted = parse_fault(written, name, self._places, remaining_ns)
+        circumstances = self._circumstances()
+        refuse(drafted, circumstances)
         self._count += 1
         async with self._swarm.intervening:
-            fault = await self._arm(drafted)
-            self._faults[name] = fault
-        self._newest_ns = fault.at_ns
-        if isinstance(fault, Kill) and fault.until_ns is not None:
-            self._swarm.restarts.later(fault)
-        end = "until cleared" if fault.until_ns is None else f"until {fault.until_ns / 1e9:.3f} s"
-        return f"{name}: from {fault.at_ns / 1e9:.3f} s {end}"
+            at_ns, faults = await self._arm(drafted)
+            self._faults.update({fault.id: fault for fault in faults})
+        self._newest_ns = at_ns
+        for fault in faults:
+            if isinstance(fault, Kill) and fault.until_ns is not None:
+                self._swarm.restarts.later(fault)
+        return "\n".join([f"{name}: {_told(faults)}", *warnings(faults, circumstances)])
 
-    def _check(self, fault: Fault) -> None:
-        if isinstance(fault, LinkFault):
-            self._check_fit(fault)
-            if fault.changes == {"cut": True} and (cut := self._already_cut(fault)):
-                raise BadInput(f"already cut: {', '.join('>'.join(link) for link in cut)}; nothing was changed")
-            return
-        if not self._swarm.is_alive(fault.agent):
-            raise BadInput(f"agent {fault.agent} is not alive; `volery fault restart {fault.agent}` brings it back")
-        if isinstance(fault, Pause) and any(
-            isinstance(other, Pause) and other.agent == fault.agent for other in self.in_force().values()
-        ):
-            raise BadInput(f"agent {fault.agent} is paused already")
-
-    def _check_fit(self, fault: LinkFault) -> None:
-        """Refuse settings under which an agent's frames would not fit the link any more."""
-        plan = self._swarm.plan
-        present = [other for other in self.in_force().values() if isinstance(other, LinkFault)]
-        for link in fault.links:
-            sender = plan.agent(link[0])
-            payload = find(sender.kind).largest_payload(sender.parameters)
-            settings = replace(effective(plan.links[link], link, present, self._swarm.now_ns()), **fault.changes)
-            problems = [*settings_problems(settings, payload, sender.compute_ns), *placeless(plan, link, settings)]
-            for field, text in problems:
-                raise BadInput(f"{field} on {'>'.join(link)}: {text}")
-
-    def _already_cut(self, fault: LinkFault) -> list[tuple[str, str]]:
-        cut = {
-            link
-            for other in self.in_force().values()
-            if isinstance(other, LinkFault) and other.changes.get("cut")
-            for link in other.links
-        }
-        return [link for link in fault.links if link in cut] if cut.issuperset(fault.links) else []
-
-    async def _arm(self, drafted: Fault) -> Fault:
-        """Choose an instant, arm the fault everywhere, and do so anew with a later one if some agent was too slow."""
+    async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
+        """Choose an instant, arm the faults everywhere, and do so anew with a later one if some agent was too slow."""
         swarm = self._swarm
-        lasts_ns = drafted.until_ns
-        if isinstance(drafted, Kill):
-            swarm.expect_kill(drafted.agent)
+        for draft in drafted:
+            if isinstance(draft, Kill):
+                swarm.expect_kill(draft.agent)
         held = (await swarm.order({"do": "hold"})).values() if swarm.pace == "lockstep" else []
         for _ in range(_TRIES):
             at_ns = max(held) + 1 if swarm.pace == "lockstep" else swarm.ahead_ns(_AHEAD_S)
-            fault = replace(drafted, at_ns=at_ns, until_ns=None if lasts_ns is None else at_ns + lasts_ns)
-            in_time = await self._tell(fault, at_ns)
+            faults = [_shifted(draft, at_ns) for draft in drafted]
+            in_time = await self._tell(faults, at_ns)
             if in_time:
                 break
         if swarm.pace == "lockstep":
             await swarm.order({"do": "release"})
-        self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
-        if not in_time:
-            self._sink.event({"event": "late-fault", "time_ns": at_ns, "id": fault.id})
-        return fault
+        for fault in faults:
+            self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
+        self._say_if_late(faults, at_ns, in_time=in_time)
+        return at_ns, faults
 
-    async def _tell(self, fault: Fault, instant_ns: int) -> bool:
+    async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         self._swarm.interventions += self._swarm.pace == "lockstep"
-        answers = await self._swarm.order({"do": "arm", "fault": to_plain(fault), "instant_ns": instant_ns})
+        order = {"do": "arm", "faults": [to_plain(fault) for fault in faults], "instant_ns": instant_ns}
+        answers = await self._swarm.order(order)
         return all(answers.values())
+
+    def _say_if_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
+        for fault in () if in_time else faults:
+            self._sink.event({"event": "late-fault", "time_ns": instant_ns, "id": fault.id})
+
+    # -- undoing --------------------------------------------------------------------------------------------------
 
     async def clear(self, names: list[str]) -> str:
         """Undo faults that are in force, all of them if none is named; what was done, in words.
+
+        The name of an entry stands for all of its faults, t3 for t3.1 and t3.2, also for those to come, except kills.
 
         Raises:
             BadInput: a name that is not in force, or nothing to clear.
         """
         present = self.in_force()
-        if unknown := [name for name in names if name not in present]:
-            known = ", ".join(present) or "none"
-            raise BadInput(f"no fault {', '.join(unknown)} is in force; in force: {known}")
-        chosen = names or list(present)
+        chosen: dict[str, Fault] = {} if names else present
+        known = ", ".join(dict.fromkeys(map(entry_of, present))) or "none"
+        for name in names:
+            parts = self._parts(name)
+            if not parts:
+                raise BadInput(f"no fault {name} is in force; in force: {known}")
+            chosen |= parts
         if not chosen:
             raise BadInput("no fault is in force")
-        for name in chosen:
-            await self._end(present[name])
-        return f"cleared {', '.join(chosen)}"
+        await self._end(list(chosen.values()))
+        return f"cleared {', '.join(names or dict.fromkeys(map(entry_of, chosen)))}"
 
-    async def restart(self, agent: str) -> str:
-        """Bring a killed agent back; what was done, in words.
+    def _parts(self, name: str) -> dict[str, Fault]:
+        now_ns = self._now_ns()
+        return {
+            fault.id: fault
+            for fault in self._faults.values()
+            if name in (fault.id, entry_of(fault.id))
+            and (fault.in_force(now_ns) or (fault.at_ns > now_ns and not isinstance(fault, Kill)))
+        }
 
-        Raises:
-            BadInput: it is alive.
-        """
-        kills = [fault for fault in self.in_force().values() if isinstance(fault, Kill) and fault.agent == agent]
-        if not kills:
-            raise BadInput(f"agent {agent} was not killed by a fault, so there is nothing to restart")
-        await self._end(kills[-1])
-        return f"restarted {agent}"
-
-    async def restore(self, written: Mapping[str, Any]) -> str:
-        """Clear every cut that touches the named links; what was done, in words.
+    async def restart(self, words: str) -> str:
+        """Bring killed agents back; what was done, in words.
 
         Raises:
-            BadInput: none of them is cut.
+            BadInput: none of them was killed.
         """
-        wanted = parse_fault(written, "restore", 0, list(self._swarm.plan.links))
-        assert isinstance(wanted, LinkFault)
-        names = [
-            name
-            for name, fault in self.in_force().items()
-            if isinstance(fault, LinkFault) and fault.changes.get("cut") and set(fault.links) & set(wanted.links)
+        return f"restarted {await self._end_of(Kill, words, 'was killed')}"
+
+    async def resume(self, words: str) -> str:
+        """Let paused agents go on; what was done, in words.
+
+        Raises:
+            BadInput: none of them is paused.
+        """
+        return f"resumed {await self._end_of(Pause, words, 'is paused')}"
+
+    async def _end_of(self, kind: type[Kill | Pause], words: str, state: str) -> str:
+        agents = parse_agents(read_words(words), self._places)
+        chosen = [fault for fault in self.in_force().values() if isinstance(fault, kind) and fault.agent in agents]
+        if not chosen:
+            raise BadInput(f"agent {', '.join(agents)}: none {state} by a fault")
+        await self._end(chosen)
+        return ", ".join(fault.agent for fault in chosen)
+
+    async def restore(self, words: str, field: str) -> str:
+        """Clear every fault that cuts, or holds, one of the named links; what was done, in words.
+
+        Raises:
+            BadInput: none of them is cut, or held.
+        """
+        wanted = set(parse_links(words, self._places))
+        chosen = [
+            fault
+            for fault in self.in_force().values()
+            if isinstance(fault, LinkFault) and fault.changes.get(field) and wanted & set(fault.links)
         ]
-        if not names:
-            raise BadInput("none of these links is cut")
-        return await self.clear(names)
+        if not chosen:
+            raise BadInput(f"none of these links {_UNDONE[field]} by a fault")
+        await self._end(chosen)
+        return f"cleared {', '.join(fault.id for fault in chosen)}"
 
-    async def _end(self, fault: Fault) -> None:
-        key = await self._swarm.restarts.standby(fault.agent) if isinstance(fault, Kill) else None
+    async def _end(self, faults: Sequence[Fault]) -> None:
+        """End faults at one instant; a new process stands by for each agent that comes back then."""
+        revived = [(await self._swarm.restarts.standby(fault.agent), fault) for fault in faults if isinstance(fault, Kill)]
         async with self._swarm.intervening:
-            await self._end_now(fault, key)
+            await self._end_now(faults, revived)
 
-    async def _end_now(self, fault: Fault, key: tuple[str, int] | None) -> None:
+    async def _end_now(self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]]) -> None:
         swarm = self._swarm
         if swarm.pace == "lockstep":
             until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
-            ended: Fault = replace(fault, until_ns=until_ns)
-            await self._tell(ended, until_ns)
-            self._faults[fault.id] = ended
-            if key is not None and isinstance(ended, Kill):
-                await swarm.restarts.revive(key, ended, until_ns)
-            await swarm.order({"do": "release"})
-        elif key is not None and isinstance(fault, Kill):
-            until_ns = swarm.ahead_ns(_AHEAD_S)
-            ended = replace(fault, until_ns=until_ns)
-            await swarm.restarts.revive(key, ended, until_ns)
-            if swarm.now_ns() > until_ns:
-                self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
         else:
             until_ns = swarm.ahead_ns(_AHEAD_S)
-            ended = replace(fault, until_ns=until_ns)
-            if not await self._tell(ended, until_ns):
-                self._sink.event({"event": "late-fault", "time_ns": until_ns, "id": fault.id})
-        self._faults[fault.id] = ended
+        ended = [replace(fault, until_ns=until_ns) for fault in faults]
+        in_time = await self._tell(ended, until_ns)
+        self._faults.update({fault.id: fault for fault in ended})
+        for key, kill in revived:
+            await swarm.restarts.revive(key, replace(kill, until_ns=until_ns), until_ns)
+        if swarm.pace == "lockstep":
+            await swarm.order({"do": "release"})
+        elif revived:
+            in_time = in_time and swarm.now_ns() <= until_ns
         self._newest_ns = until_ns
-        self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})
+        self._say_if_late(ended, until_ns, in_time=in_time)
+        for fault in ended:
+            self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})
+
+
+def _shifted(draft: Fault, by_ns: int) -> Fault:
+    """A fault whose times were counted from the instant of the command."""
+    until_ns = None if draft.until_ns is None else draft.until_ns + by_ns
+    return replace(draft, at_ns=draft.at_ns + by_ns, until_ns=until_ns)
+
+
+def _told(faults: Sequence[Fault]) -> str:
+    """When faults hold, in words."""
+    begin_s = min(fault.at_ns for fault in faults) / 1e9
+    ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
+    end = f"until {max(ends) / 1e9:.3f} s" if len(ends) == len(faults) else "until cleared"
+    count = f", {len(faults)} faults" if len(faults) > 1 else ""
+    return f"from {begin_s:.3f} s {end}{count}"

@@ -20,7 +20,7 @@ from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
 from ..transport.csma import Csma
-from ..transport.faults import in_force
+from ..transport.faults import Hog, in_force
 from ..transport.keys import Keys
 from ..transport.media import HalfDuplex
 from .background import BackgroundSink
@@ -117,6 +117,10 @@ def _check_pace(plan: Plan, options: Options) -> None:
             "csma listens for what began microseconds ago, which no process can know by the wall clock: "
             "add --pace lockstep or --engine twin"
         )
+    hogs = [fault.id for fault in plan.faults if isinstance(fault, Hog)]
+    if hogs and (options.engine, options.pace) != ("zenoh", "realtime"):
+        text = "a hog needs realtime pace: elsewhere nominal time does not depend on the processor"
+        raise BadInput(f"fault {', '.join(hogs)}: {text}")
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -26,6 +26,7 @@ from ..agents.plan import MILLISECOND_NS
 from ..errors import BadInput
 from ..units import Nanoseconds
 from .explaining import schema_fields
+from .fault_places import read_groups
 from .link_schema import STRICT, LinkFields, Links, LinksFields, Reader, read_links, validated
 from .reading import Loc
 from .timeline import FaultEntry
@@ -120,6 +121,7 @@ class Scenario(BaseModel):
     topology: dict[str, Any]
     agents: Agents
     world: dict[str, Any] | None = None
+    groups: Annotated[dict[str, tuple[str, ...]], Reader(read_groups, dict[str, list[str | int]])] = {}
     links: Annotated[Links, Reader(read_links, LinksFields)] = Links()
     faults: tuple[FaultEntry, ...] = ()
     overload: bool = False
@@ -164,6 +166,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         "topology": scenario.topology,
         "agents": {"kind": agents.kind, "compute": quantity(agents.compute, "ns"), **spelled(agents.parameters)},
         "world": scenario.world,
+        "groups": {name: list(members) for name, members in scenario.groups.items()},
         "links": spelled(links.base),
         "faults": [_entry(entry) for entry in scenario.faults],
         "overload": scenario.overload,
@@ -175,14 +178,15 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
 
 
 def _entry(entry: FaultEntry) -> dict[str, Any]:
-    named = {field.alias or name: name for name, field in FaultEntry.model_fields.items()}
-    values = {alias: getattr(entry, name) for alias, name in named.items() if getattr(entry, name) is not None}
-    for name in ("at", "until", "for"):
-        if name in values:
-            values[name] = quantity(values[name], "ns")
-    if "set" in values:
-        values["set"] = spelled(values["set"], LinkFields)
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    written: dict[str, Any] = {}
+    for name, hint in get_type_hints(FaultEntry, include_extras=True).items():
+        value = getattr(entry, name)
+        if name in FaultEntry.model_fields and value is not None:
+            alias = FaultEntry.model_fields[name].alias or name
+            written[alias] = spelled(value, LinkFields if name == "set_" else hint)
+    if entry.partition is not None:
+        written["partition"] = entry.partition.written()
+    return written
 
 
 def resolved_yaml(scenario: Scenario) -> str:

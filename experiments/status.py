@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..agents.journal import Batch
+from ..transport.faults import LinkName
 from ..transport.links import DELIVERED
 
 
 @dataclass
 class Status:
-    """Counts so far, and the estimates last heard of."""
+    """Counts so far, the links on which a frame was heard, and the estimates last heard of."""
 
     duration_ns: int
     agents: int
@@ -24,6 +25,7 @@ class Status:
     late: int = 0
     latest: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     faults: dict[str, str] = field(default_factory=dict)
+    used: set[LinkName] = field(default_factory=set)
 
     def take(self, batch: Batch, now_ns: int) -> None:
         """Count the entries of a batch."""
@@ -31,6 +33,7 @@ class Status:
         self.frames += len(batch.heard)
         self.lost += sum(1 for entry in batch.heard if entry.fate != DELIVERED) + len(batch.dropped)
         self.late += len(batch.late)
+        self.used.update((entry.source, batch.agent) for entry in batch.heard)
         for estimate in batch.estimates:
             self.latest.setdefault(estimate.quantity, {})[batch.agent] = estimate.value
 

@@ -1,114 +1,81 @@
-"""Faults as they are written, in a scenario's timeline or on the command line."""
+"""Faults as they are written, in a scenario's timeline or on the command line: what may stand in one entry."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import cache, partial
+from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    TypeAdapter,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import BadInput
-from ..topologies import natural_key
-from ..transport.faults import Fault, Kill, LinkFault, LinkName, Pause
-from ..units import Nanoseconds
-from .explaining import explain, schema_fields
-from .link_schema import STRICT, LinkFields, LinkWords, Reader, read_words, validated
-from .reading import describe
+from ..units import Nanoseconds, PartsPerBillion
+from .fault_processes import Every
+from .link_schema import STRICT, LinkFields, Reader, Words
+from .partitions import PartitionWord
 from .writing import quantity
 
-ALL = "all"
-_LISTED = 8
-_ACTIONS = ("cut", "kill", "pause", "set")
+ACTIONS = ("cut", "hold", "partition", "set", "kill", "pause", "hog", "clock", "sensor")
+TROUBLES = ("failed", "stuck", "bias", "noise", "spikes")
+_DETAILS = {
+    "keep_state": "kill",
+    "share": "hog",
+    "offset": "clock",
+    "drift": "clock",
+    "where": "set",
+    **dict.fromkeys(TROUBLES, "sensor"),
+}
+"""Fields that say more about one action, and mean nothing beside another."""
 
 
-def parse_links(words: str | Sequence[str], links: Collection[LinkName]) -> tuple[LinkName, ...]:
-    """The directed links that the words name, in natural order.
-
-    `3-7` is both directions, `3>7` one, an agent's name all of its links, `all` all there are; several may be given, in
-    a sequence or separated by commas.
-
-    Args:
-        words: what is written.
-        links: the links that exist; one direction of an edge is enough.
-    Raises:
-        BadInput: no words, or a link or an agent that does not exist.
-    """
-    both = {*links, *((target, source) for source, target in links)}
-    listed = read_words([words] if isinstance(words, str) else list(words))
-    found = {link for word in listed for link in _links_of(word, both)}
-    return tuple(sorted(found, key=lambda link: (natural_key(link[0]), natural_key(link[1]))))
+def _read_size(value: Any) -> tuple[float, ...]:
+    numbers = value if isinstance(value, list) else [value]
+    if not numbers or any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
+        raise BadInput(f"{value!r} should be a number, or one for each component, in the unit of the sensor")
+    return tuple(float(number) for number in numbers)
 
 
-def changed_links(
-    words: Sequence[str], changes: Mapping[str, Any], links: Collection[LinkName]
-) -> tuple[LinkName, ...]:
-    """The links that the words name, for these changes.
-
-    Raises:
-        BadInput: a link or an agent that does not exist, or another medium for one direction of an edge only.
-    """
-    changed = parse_links(words, links)
-    for source, target in changed if "medium" in changes else ():
-        if (target, source) not in changed:
-            raise BadInput(f"an edge has one medium, {source}>{target} is half of one: write {source}-{target}")
-    return changed
+Size = Annotated[tuple[float, ...], Reader(_read_size, float | list[float])]
 
 
-def _links_of(word: str, links: Collection[LinkName]) -> Iterable[LinkName]:
-    if word == ALL:
-        return links
-    agents = {source for source, _ in links}
-    for sign in "->":
-        source, found, target = word.partition(sign)
-        if found:
-            for end in (source, target):
-                check_agent(end, agents, word)
-            if (source, target) not in links:
-                near = ", ".join(sorted((other for end, other in links if end == source), key=natural_key))
-                raise BadInput(f"{word}: {source} and {target} have no link; neighbours of {source}: {near}")
-            return [(source, target), (target, source)] if sign == "-" else [(source, target)]
-    check_agent(word, agents, word)
-    return [link for link in links if word in link]
+@dataclass(frozen=True)
+class Spikes:
+    """Samples that are off by ±`size`, each with this probability."""
 
+    size: Size
+    probability: float
 
-def check_agent(name: str, agents: Collection[str], word: str = "") -> str:
-    """The name, if there is such an agent.
-
-    Raises:
-        BadInput: there is none.
-    """
-    if name in agents:
-        return name
-    place = f"{word}: " if word and word != name else ""
-    names = sorted(agents, key=natural_key)
-    known = ", ".join(names) if len(names) <= _LISTED else f"{names[0]} … {names[-1]}"
-    raise BadInput(f"{place}there is no agent {name!r}; agents: {known}")
-
-
-def _read_agent(value: Any) -> str:
-    words = read_words(value)
-    if isinstance(value, list) or len(words) != 1:
-        raise BadInput(f"{value!r} should be the name of one agent")
-    return words[0]
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        if not 0 < self.probability <= 1:
+            raise BadInput(f"probability is {self.probability:g}, it lies above 0 and is at most 1")
 
 
 def _not_before_the_start(at_ns: int) -> int:
     if at_ns < 0:
-        raise BadInput(f"at is {quantity(at_ns, 'ns')}: a fault starts at 0 or later")
+        raise BadInput(f"{quantity(at_ns, 'ns')} is before the run: a fault starts at 0 or later")
     return at_ns
 
 
-AgentWord = Annotated[str, Reader(_read_agent, str | int)]
+def _true(value: bool) -> bool:
+    if not value:
+        raise BadInput("is false, which says nothing: leave it out")
+    return value
+
+
+def _share(value: float) -> float:
+    if not 0 < value <= 1:
+        raise BadInput(f"share is {value:g}, it must be above 0 and at most 1")
+    return value
+
+
+def _drift(drift_ppb: int) -> int:
+    if drift_ppb <= -(10**9):
+        raise BadInput(f"drift is {quantity(drift_ppb, 'ppb')}: a clock does not stand still or go back")
+    return drift_ppb
+
+
+_Start = Annotated[Nanoseconds, AfterValidator(_not_before_the_start)]
+_Flag = Annotated[bool, AfterValidator(_true)]
 
 
 class FaultEntry(BaseModel):
@@ -116,21 +83,39 @@ class FaultEntry(BaseModel):
 
     model_config = STRICT
 
-    at: Annotated[Nanoseconds, AfterValidator(_not_before_the_start)]
+    at: _Start | None = None
+    every: Every | None = None
+    from_: _Start | None = Field(default=None, alias="from")
     until: Nanoseconds | None = None
     for_: Nanoseconds | None = Field(default=None, alias="for")
-    cut: LinkWords | None = None
-    kill: AgentWord | None = None
-    pause: AgentWord | None = None
-    where: LinkWords | None = None
+    cut: Words | None = None
+    hold: Words | None = None
+    partition: PartitionWord | None = None
+    where: Words | None = None
     set_: LinkFields | None = Field(default=None, alias="set")
+    kill: Words | None = None
+    keep_state: _Flag | None = None
+    pause: Words | None = None
+    hog: Words | None = None
+    share: Annotated[float, AfterValidator(_share)] | None = None
+    clock: Words | None = None
+    offset: Nanoseconds | None = None
+    drift: Annotated[PartsPerBillion, AfterValidator(_drift)] | None = None
+    sensor: Words | None = None
+    failed: _Flag | None = None
+    stuck: _Flag | None = None
+    bias: Size | None = None
+    noise: Size | None = None
+    spikes: Spikes | None = None
 
     @field_validator("until")
     @classmethod
     def _after_the_start(cls, until: int | None, info: ValidationInfo) -> int | None:
-        if until is not None and until <= info.data.get("at", -1):
-            at = quantity(info.data["at"], "ns")
-            raise BadInput(f"until is {quantity(until, 'ns')} and at {at}: a fault ends after it starts")
+        for name in ("at", "from_"):
+            start_ns = info.data.get(name)
+            if until is not None and start_ns is not None and until <= start_ns:
+                start = f"{name.rstrip('_')} {quantity(start_ns, 'ns')}"
+                raise BadInput(f"until is {quantity(until, 'ns')} and {start}: a fault ends after it starts")
         return until
 
     @field_validator("for_")
@@ -141,68 +126,62 @@ class FaultEntry(BaseModel):
         return duration
 
     @model_validator(mode="after")
-    def _one_of_each(self) -> Self:
-        actions = [name for name in _ACTIONS if self.written(name) is not None]
+    def _one_action(self) -> Self:
+        actions = [name for name in ACTIONS if self.written(name) is not None]
         if len(actions) != 1:
-            raise BadInput(f"a fault is exactly one of {', '.join(_ACTIONS)}, not {' and '.join(actions) or 'none'}")
-        if self.until is not None and self.for_ is not None:
-            raise BadInput("write until or for, not both")
-        if (self.set_ is None) != (self.where is None):
+            raise BadInput(f"a fault is exactly one of {', '.join(ACTIONS)}, not {' and '.join(actions) or 'none'}")
+        (action,) = actions
+        for detail, whose in _DETAILS.items():
+            if self.written(detail) is not None and whose != action:
+                raise BadInput(f"{detail} belongs to {whose} and says nothing of a {action}")
+        return self
+
+    @model_validator(mode="after")
+    def _details(self) -> Self:
+        if self.set_ is not None and self.where is None:
             raise BadInput("set and where belong together: where: 3-7, set: {loss: 0.5}")
         if self.set_ is not None and not self.set_:
             raise BadInput("set is empty: write for example set: {loss: 0.5}")
+        if self.clock is not None and not self.offset and not self.drift:
+            raise BadInput("a clock fault has an offset, a drift or both: offset: 20 ms, drift: 50 ppm")
+        troubles = [name for name in TROUBLES if self.written(name) is not None]
+        if self.sensor is not None and len(troubles) != 1:
+            told = " and ".join(troubles) or "none"
+            raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {told}: bias: 0.01")
+        return self
+
+    @model_validator(mode="after")
+    def _times(self) -> Self:
+        if (self.at is None) == (self.every is None):
+            raise BadInput("write when it starts, at: 3 s, or a random process, every: {mtbf: 5 s, mttr: 1 s}")
+        if self.from_ is not None and self.every is None:
+            raise BadInput("from belongs to every: the process begins there; one fault starts at some instant, at: 3 s")
+        if self.every is not None and self.for_ is not None:
+            raise BadInput("for does not go with every: the process lasts until: 9 s")
+        if self.until is not None and self.for_ is not None:
+            raise BadInput("write until or for, not both")
         return self
 
     def written(self, name: str) -> Any:
         """The value of the field of this name in the file."""
-        return self.set_ if name == "set" else getattr(self, name)
+        return getattr(self, f"{name}_" if name in ("set", "for", "from") else name)
+
+    @property
+    def start_ns(self) -> int:
+        """When the fault, or the process that brings it about, starts."""
+        return (self.from_ or 0) if self.at is None else self.at
 
     @property
     def until_ns(self) -> int | None:
-        """When the fault ends; None: never."""
-        return self.until if self.for_ is None else self.at + self.for_
+        """When it ends; None: never."""
+        return self.until if self.for_ is None else self.start_ns + self.for_
+
+    @property
+    def action(self) -> str:
+        """Which of the actions it is."""
+        return next(name for name in ACTIONS if self.written(name) is not None)
 
     @property
     def place(self) -> str:
         """The field that says where."""
-        return next(name for name in ("where", *_ACTIONS) if self.written(name) is not None)
-
-
-def expand(entry: FaultEntry, fault_id: str, links: Collection[LinkName]) -> Fault:
-    """The fault that an entry asks for.
-
-    Raises:
-        BadInput: a link or an agent that does not exist.
-    """
-    agents = {end for link in links for end in link}
-    times = (fault_id, entry.at, entry.until_ns)
-    if entry.kill is not None:
-        return Kill(*times, check_agent(entry.kill, agents))
-    if entry.pause is not None:
-        return Pause(*times, check_agent(entry.pause, agents))
-    if entry.cut is not None:
-        return LinkFault(*times, parse_links(entry.cut, links), {"cut": True})
-    changes: dict[str, Any] = dict(entry.set_ or {})
-    return LinkFault(*times, changed_links(entry.where or (), changes, links), changes)
-
-
-_ENTRY: TypeAdapter[FaultEntry] = TypeAdapter(FaultEntry)
-
-
-@cache
-def _entry_schema() -> dict[str, Any]:
-    return _ENTRY.json_schema()
-
-
-def parse_fault(written: Mapping[str, Any], fault_id: str, at_ns: int, links: Collection[LinkName]) -> Fault:
-    """A live fault, written as an entry of the timeline without `at`: {"cut": "3-7", "for": "2s"}.
-
-    Raises:
-        BadInput: what is wrong with it, all at once.
-    """
-    try:
-        entry = validated(_ENTRY, {**written, "at": f"{at_ns} ns"})
-    except ValidationError as error:
-        problems = explain(error, partial(schema_fields, _entry_schema()))
-        raise BadInput("; ".join(describe(written, problem) for problem in problems)) from error
-    return expand(entry, fault_id, links)
+        return "where" if self.action == "set" else self.action

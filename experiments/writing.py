@@ -13,7 +13,12 @@ from ..transport.losses import LOSSES
 from ..transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from ..units import Unit, parse
 
-_UNITS = {"ns": ("s", "ms", "us", "ns"), "bit/s": ("Mbit/s", "kbit/s", "bit/s"), "rad": ("deg", "rad")}
+_UNITS = {
+    "ns": ("s", "ms", "us", "ns"),
+    "bit/s": ("Mbit/s", "kbit/s", "bit/s"),
+    "rad": ("deg", "rad"),
+    "ppb": ("ppm", "ppb"),
+}
 ACCESS_NAMES: dict[type, str] = {Aloha: "aloha", SlottedAloha: "slotted-aloha", Tdma: "tdma", Csma: "csma"}
 _NAMES: dict[type, str] = {
     **{model: name for models in (LOSSES, LATENCIES) for name, model in models.items()},

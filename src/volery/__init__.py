@@ -1,6 +1,7 @@
 """volery: an asynchronous networked agent emulator over Eclipse Zenoh.
 
 `run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.results.Run`.
+`connect` finds a swarm that is running, to inject faults.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from .experiments.remote import RunningSwarm
     from .experiments.results import Run
 
-__all__ = ["load", "run"]
+__all__ = ["connect", "load", "run"]
 
 
 def run(
@@ -73,3 +75,17 @@ def load(folder: str | Path) -> Run:
     from .experiments.results import load_run
 
     return load_run(folder)
+
+
+def connect(folder: str | Path) -> RunningSwarm:
+    """The swarm that runs in a folder, to inject faults, ask how it is, and end it.
+
+    `connect("runs/demo").inject({"cut": "3-7", "for": "2 s"})` cuts a link of the swarm that
+    `volery run SCENARIO --detach --name demo` has started.
+
+    Raises:
+        BadInput: no swarm runs there.
+    """
+    from .experiments import remote
+
+    return remote.connect(folder)

@@ -38,12 +38,14 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
     "dB": {"dB": Fraction(1)},
     "dBm": {"dBm": Fraction(1)},
+    "ppb": {"ppb": Fraction(1), "ppm": Fraction(1000)},
 }
+_WHOLE = ("ns", "B", "ppb")
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d].*?)?\s*")
 
 
 def parse(text: str, unit: str) -> float | int:
-    """Read a quantity such as "2.5 ms" as a number in `unit`; nanoseconds and bytes come out as whole numbers.
+    """Read a quantity such as "2.5 ms" as a number in `unit`; nanoseconds, bytes and ppb come out whole.
 
     Raises:
         BadInput: not a number with a unit, or a unit of another kind; the message lists the units that fit.
@@ -54,7 +56,7 @@ def parse(text: str, unit: str) -> float | int:
         raise BadInput(f"{text!r} is not a quantity here: write a number and one of {', '.join(scales)}")
     scale = scales[match[2]]
     value = Fraction(match[1]) * scale if isinstance(scale, Fraction) else float(match[1]) * scale
-    return round(value) if unit in ("ns", "B") else float(value)
+    return round(value) if unit in _WHOLE else float(value)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Unit:
         if isinstance(value, str):
             return parse(value, self.name)
         if isinstance(value, int | float) and not isinstance(value, bool) and value == 0:
-            return 0 if self.name in ("ns", "B") else 0.0
+            return 0 if self.name in _WHOLE else 0.0
         units = ", ".join(_SCALES[self.name])
         raise BadInput(f"{value!r} has no unit: write it with one of {units}")
 
@@ -92,6 +94,7 @@ Radians = Annotated[float, Unit("rad")]
 Volts = Annotated[float, Unit("V")]
 Decibels = Annotated[float, Unit("dB")]
 DecibelMilliwatts = Annotated[float, Unit("dBm")]
+PartsPerBillion = Annotated[int, Unit("ppb")]
 
 
 def period_ns(rate_hz: float, index: int) -> int:

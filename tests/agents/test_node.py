@@ -16,7 +16,7 @@ from volery.agents.sending import FrameTooLarge
 from volery.errors import BadInput
 from volery.transport import fabric
 from volery.transport.events import Event
-from volery.transport.faults import Fault, Pause
+from volery.transport.faults import ClockFault, Fault, Pause
 from volery.transport.frames import Frame, Message
 from volery.transport.links import LinkSettings, Queue
 
@@ -191,6 +191,20 @@ def test_no_timer_for_the_past() -> None:
 
     bench.timer(5, react)
     assert [name for name, _, _ in bench.agent.heard] == ["do", "now"]
+
+
+def test_a_timer_that_the_own_clock_has_jumped_over_rings_at_once() -> None:
+    """What an agent planned for is over when its clock jumps ahead, which is no error of the agent."""
+    bench = Bench(Listener, None, ClockFault("t1", 4 * MS, 20 * MS, "1", offset_ns=10 * MS))
+
+    def react() -> None:
+        bench.agent.react = lambda: None
+        bench.agent.context.set_timer(8 * MS, "planned")
+
+    bench.agent.react = react
+    bench.frame(5)
+    bench.until(6)
+    assert bench.agent.heard == [("x", 15 * MS, 15 * MS), ("planned", 8 * MS, 15 * MS)]
 
 
 def test_a_payload_over_the_mtu_is_refused() -> None:

@@ -12,8 +12,10 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments import cli_faults, cli_live
-from volery.experiments.timeline import parse_fault
-from volery.transport.faults import Kill, LinkFault, Pause
+from volery.experiments.expansion import parse_fault
+from volery.experiments.fault_places import Places
+from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
+from volery.worlds import build
 
 from .conftest import Volery
 
@@ -28,7 +30,12 @@ STATUS = {
     "disagreement": None,
     "faults": {"f1": "kill 3"},
 }
-EDGES = [("3", "7"), ("3", "5")]
+PLACES = Places(
+    [("3", "7"), ("3", "5")],
+    {"ends": ("5", "7")},
+    world=build({"kind": "plane", "altitude": "0.2 m"}, {name: (float(name), 0.0) for name in "357"}, 1),
+)
+LASTING_NS = 10_000_000_000
 
 
 class Supervisor:
@@ -65,40 +72,77 @@ def supervisor(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> Supervisor:
     return found
 
 
+def asked_for(supervisor: Supervisor, number: int = 0) -> tuple[Fault, ...]:
+    """The faults that the supervisor would read from a request."""
+    return parse_fault(supervisor.asked[number][1]["fault"], "f1", PLACES, LASTING_NS)
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
         ("cut 3-7", LinkFault("f1", 0, None, (("3", "7"), ("7", "3")), {"cut": True})),
         ("cut 3>7 --for 2s", LinkFault("f1", 0, 2_000_000_000, (("3", "7"),), {"cut": True})),
+        ("hold 3>7 --for 2s", LinkFault("f1", 0, 2_000_000_000, (("3", "7"),), {"hold": True})),
+        ("partition isolate 7", LinkFault("f1", 0, None, (("3", "7"), ("7", "3")), {"cut": True})),
+        ("partition 3,5 rest --for 1s", LinkFault("f1", 0, 10**9, (("3", "7"), ("7", "3")), {"cut": True})),
         ("kill 5 --for 0.5s", Kill("f1", 0, 500_000_000, "5")),
+        ("kill 5 --keep-state", Kill("f1", 0, None, "5", keep_state=True)),
         ("kill 5", Kill("f1", 0, None, "5")),
         ("pause 5 --for 20ms", Pause("f1", 0, 20_000_000, "5")),
+        ("hog 5", Hog("f1", 0, None, "5", 1.0)),
+        ("hog 5 --share 0.5 --for 1s", Hog("f1", 0, 10**9, "5", 0.5)),
+        ("clock 5 --offset=-20ms", ClockFault("f1", 0, None, "5", -20_000_000, 0)),
+        ("clock 5 --offset 1ms --drift 50ppm --for 1s", ClockFault("f1", 0, 10**9, "5", 1_000_000, 50_000)),
+        ("sensor 5.distance failed", SensorFault("f1", 0, None, "5", "distance", "failed")),
+        ("sensor 5.distance bias=-0.1 --for 1s", SensorFault("f1", 0, 10**9, "5", "distance", "bias", (-0.1,))),
+        (
+            "sensor 5.distance spikes.size=0.5 spikes.probability=0.1",
+            SensorFault("f1", 0, None, "5", "distance", "spikes", (0.5,), 0.1),
+        ),
     ],
 )
 def test_faults_are_asked_for_as_in_a_timeline(
-    volery: Volery, supervisor: Supervisor, words: str, expected: LinkFault | Kill | Pause
+    volery: Volery, supervisor: Supervisor, words: str, expected: Fault
 ) -> None:
     """What the command sends is the fault that its words say, once the supervisor reads it."""
     said = volery("fault", *words.split())
     assert (said.code, said.out) == (0, "done\n")
     ((run, request),) = supervisor.asked
     assert (run, request["do"]) == ("second", "inject")
-    assert parse_fault(request["fault"], "f1", 0, EDGES) == expected
+    assert asked_for(supervisor) == (expected,)
+
+
+def test_many_places_and_random_processes(volery: Volery, supervisor: Supervisor) -> None:
+    """Groups and lists expand; --mtbf and --mttr let each edge come and go, within --for where it is given."""
+    assert volery("fault", "pause", "ends,3").code == 0
+    assert [getattr(fault, "agent") for fault in asked_for(supervisor)] == ["3", "5", "7"]  # noqa: B009
+    every = ["--mtbf", "200ms", "--mttr", "50ms"]
+    assert volery("fault", "cut", "all", *every, "--for", "2s").code == 0
+    faults = asked_for(supervisor, 1)
+    assert len({getattr(fault, "links") for fault in faults}) == 2  # noqa: B009 - faults of links
+    assert 0 < faults[0].at_ns <= faults[-1].at_ns < 2_000_000_000
+    assert volery("fault", "cut", "all", *every, "--together").code == 0
+    assert len({getattr(fault, "links") for fault in asked_for(supervisor, 2)}) == 1  # noqa: B009
+    assert volery("fault", "cut", "random 0.5").code == 0
+    assert len(getattr(asked_for(supervisor, 3)[0], "links")) == 2  # noqa: B009
+    for half in (["--mtbf", "1s"], ["--mttr", "1s"], ["--together"]):
+        said = volery("fault", "cut", "all", *half)
+        assert (said.code, said.error.startswith("error: --mtbf and --mttr belong together")) == (2, True)
 
 
 def test_settings_are_written_as_in_a_scenario(volery: Volery, supervisor: Supervisor) -> None:
     """`fault set` takes several fields, units without a space, models by name, and a time."""
     words = ["all", "loss=0.3", "latency=5ms", "rate=57.6kbit/s", "overhead=6 B"]
     assert volery("fault", "set", *words, "--for", "2s").code == 0
-    fault = parse_fault(supervisor.asked[0][1]["fault"], "f1", 0, EDGES)
+    (fault,) = asked_for(supervisor)
     nested = volery("fault", "set", "3-7", "loss.gilbert-elliott.to_bad=0.1", "loss.gilbert-elliott.to_good=0.5")
     assert nested.code == 0
     assert isinstance(fault, LinkFault)
     assert fault.until_ns == 2_000_000_000
-    assert len(fault.links) == 2 * len(EDGES)
+    assert len(fault.links) == len(PLACES.links)
     assert set(fault.changes) == {"loss", "latency", "rate", "overhead"}
     assert (fault.changes["rate"], fault.changes["overhead"]) == (57_600.0, 6)
-    burst = parse_fault(supervisor.asked[1][1]["fault"], "f2", 0, EDGES)
+    (burst,) = asked_for(supervisor, 1)
     assert isinstance(burst, LinkFault)
     assert burst.changes["loss"][0].to_bad == 0.1
 
@@ -117,7 +161,7 @@ def test_settings_that_are_none(volery: Volery, supervisor: Supervisor, words: l
     """Nothing to set, or no value for it, is bad input; here or where the supervisor reads it."""
     if volery("fault", *words).code == 0:
         with pytest.raises(BadInput, match="set is empty"):
-            parse_fault(supervisor.asked[0][1]["fault"], "f1", 0, EDGES)
+            asked_for(supervisor)
     else:
         assert supervisor.asked == []
 
@@ -125,8 +169,10 @@ def test_settings_that_are_none(volery: Volery, supervisor: Supervisor, words: l
 @pytest.mark.parametrize(
     ("words", "request_"),
     [
-        ("fault restore 3-7", {"do": "restore", "fault": {"cut": "3-7"}}),
-        ("fault restart 5", {"do": "restart", "agent": "5"}),
+        ("fault restore 3-7", {"do": "restore", "links": "3-7"}),
+        ("fault release 3-7", {"do": "release", "links": "3-7"}),
+        ("fault restart 5", {"do": "restart", "agents": "5"}),
+        ("fault resume 5", {"do": "resume", "agents": "5"}),
         ("fault clear", {"do": "clear", "faults": []}),
         ("fault clear f1 t2", {"do": "clear", "faults": ["f1", "t2"]}),
         ("stop", {"do": "stop"}),

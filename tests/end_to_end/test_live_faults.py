@@ -42,9 +42,9 @@ def test_live_link_faults_and_pauses_in_lockstep(plan_of: PlanOf) -> None:
         for written in faults:
             await injector.inject(written)
             await a_while(swarm)
-        await injector.restore({"cut": "4-7"})
+        await injector.restore("4-7", "cut")
         with pytest.raises(BadInput, match="none of these links is cut"):
-            await injector.restore({"cut": "4-7"})
+            await injector.restore("4-7", "cut")
         await injector.clear([])
         assert injector.in_force() == {}
         await a_while(swarm)

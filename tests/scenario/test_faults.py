@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
+from volery.experiments.expansion import entry_of, parse_fault
+from volery.experiments.fault_places import Places, parse_agents, parse_links
 from volery.experiments.link_schema import LinkFields, link_changes
-from volery.experiments.timeline import parse_fault, parse_links
 from volery.experiments.writing import spelled
-from volery.transport.faults import Kill, LinkFault, Pause, from_plain, to_plain
+from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, from_plain, to_plain
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
 from volery.transport.losses import (
@@ -28,7 +30,7 @@ from volery.transport.losses import (
 )
 from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
 
-EDGES = [("1", "2"), ("2", "3"), ("2", "10")]
+PLACES = Places([("1", "2"), ("2", "3"), ("2", "10")], {"left": ("1", "2"), "right": ("3", "10")}, seed=7)
 SECOND = 1_000_000_000
 
 _times = st.integers(0, 10**13)
@@ -121,12 +123,15 @@ def test_what_is_written_of_a_link_reads_back_equal(changes: dict[str, Any]) -> 
         ("10", [("2", "10"), ("10", "2")]),
         ("1>2, 3>2", [("1", "2"), ("3", "2")]),
         (["1-2", "1>2"], [("1", "2"), ("2", "1")]),
+        ("left", [("1", "2"), ("2", "1"), ("2", "3"), ("2", "10"), ("3", "2"), ("10", "2")]),
+        ("left>right", [("2", "3"), ("2", "10")]),
+        ("left-10", [("2", "10"), ("10", "2")]),
         ("all", [("1", "2"), ("2", "1"), ("2", "3"), ("2", "10"), ("3", "2"), ("10", "2")]),
     ],
 )
 def test_links_are_named(words: str | list[str], named: list[tuple[str, str]]) -> None:
     """An edge is both directions, an agent all its links; natural order, each once."""
-    assert parse_links(words, EDGES) == tuple(named)
+    assert parse_links(words, PLACES) == tuple(named)
 
 
 @pytest.mark.parametrize(
@@ -136,25 +141,42 @@ def test_links_are_named(words: str | list[str], named: list[tuple[str, str]]) -
         ("2>7", "2>7: there is no agent '7'; agents: 1, 2, 3, 10"),
         ("7", "there is no agent '7'"),
         ("1-", "1-: there is no agent ''"),
-        ("", "names no link"),
-        ([], "names no link"),
+        ("right-1", "right-1: right and 1 have no link; neighbours of right: 2"),
+        ("", "nothing is named"),
+        ([], "nothing is named"),
+        ("random", "random is not given"),
+        ("random 1.5", "random is 1.5, a fraction lies above 0 and is at most 1"),
+        ("random many", "random is many"),
     ],
 )
 def test_a_link_that_does_not_exist_is_refused(words: str | list[str], message: str) -> None:
     """The message says who is there instead."""
     with pytest.raises(BadInput) as caught:
-        parse_links(words, EDGES)
+        parse_links(words, PLACES)
     assert message in str(caught.value)
 
 
+def live(written: dict[str, Any], name: str = "f1", lasting_ns: int = 100 * SECOND) -> tuple[Fault, ...]:
+    """The live faults that are meant, in a run that lasts so much longer."""
+    return parse_fault(written, name, PLACES, lasting_ns)
+
+
 def test_live_faults_are_written_as_in_the_timeline() -> None:
-    """`fault cut 2-3 --for 2s`, `fault set all loss=0.3`, `fault kill 3`, `fault pause 3`."""
-    cut = parse_fault({"cut": "2-3", "for": "2s"}, "f1", SECOND, EDGES)
-    assert cut == LinkFault("f1", SECOND, 3 * SECOND, (("2", "3"), ("3", "2")), {"cut": True})
-    lossy = parse_fault({"set": {"loss": 0.3}, "where": "2>1"}, "f2", 0, EDGES)
-    assert lossy == LinkFault("f2", 0, None, (("2", "1"),), {"loss": (Bernoulli(0.3),)})
-    assert parse_fault({"kill": 3, "until": "4 s"}, "f3", SECOND, EDGES) == Kill("f3", SECOND, 4 * SECOND, "3")
-    assert parse_fault({"pause": "3"}, "f4", SECOND, EDGES) == Pause("f4", SECOND, None, "3")
+    """Each action gives its own fault, with the times counted from the command."""
+    edge = (("2", "3"), ("3", "2"))
+    assert live({"cut": "2-3", "for": "2s"}) == (LinkFault("f1", 0, 2 * SECOND, edge, {"cut": True}),)
+    assert live({"hold": "2>3"}) == (LinkFault("f1", 0, None, (("2", "3"),), {"hold": True}),)
+    assert live({"set": {"loss": 0.3}, "where": "2>1"}) == (
+        LinkFault("f1", 0, None, (("2", "1"),), {"loss": (Bernoulli(0.3),)}),
+    )
+    assert live({"kill": 3, "for": "4 s"}) == (Kill("f1", 0, 4 * SECOND, "3"),)
+    assert live({"kill": 3, "keep_state": True}) == (Kill("f1", 0, None, "3", keep_state=True),)
+    assert live({"pause": "3"}) == (Pause("f1", 0, None, "3"),)
+    assert live({"hog": 3}) == (Hog("f1", 0, None, "3", 1.0),)
+    assert live({"hog": 3, "share": 0.25}) == (Hog("f1", 0, None, "3", 0.25),)
+    assert live({"clock": 3, "offset": "-20 ms", "drift": "50 ppm"}) == (
+        ClockFault("f1", 0, None, "3", -20_000_000, 50_000),
+    )
 
 
 @pytest.mark.parametrize(
@@ -163,18 +185,75 @@ def test_live_faults_are_written_as_in_the_timeline() -> None:
         ({"cut": "2-3", "fors": "2s"}, "fors: unknown field (did you mean 'for'?)"),
         ({"set": {"los": 0.3}, "where": "all"}, "set.los: unknown field (did you mean 'loss'?)"),
         ({"set": {"loss": -0.3}, "where": "all"}, "set.loss: loss probability is -0.3"),
-        ({"cut": "2-3", "until": "1 s"}, "until: until is 1 s and at 1 s"),
-        ({"kill": "2-3"}, "there is no agent '2-3'"),
-        ({"kill": [2, 3]}, "kill: [2, 3] should be the name of one agent"),
-        ({"cut": True}, "cut: True names no link"),
+        ({"cut": "2-3", "until": "1 s"}, "until: write for: 2 s"),
+        ({"cut": "2-3", "at": "1 s"}, "at: a live fault starts at once"),
+        ({"kill": "2-3"}, "there is no agent '2-3'; agents: 1, 2, 3, 10; groups: left, right"),
+        ({"kill": True}, "kill: True names nothing"),
+        ({"cut": True}, "cut: True names nothing"),
         ({"set": {"medium": "full-duplex"}, "where": "2>1"}, "an edge has one medium, 2>1 is half of one: write 2-1"),
+        ({"pause": 3, "share": 0.5}, "share belongs to hog and says nothing of a pause"),
+        ({"hog": 3, "share": 1.5}, "share: share is 1.5, it must be above 0 and at most 1"),
+        ({"hog": 3, "keep_state": True}, "keep_state belongs to kill"),
+        ({"kill": 3, "keep_state": False}, "keep_state: is false, which says nothing: leave it out"),
+        ({"clock": 3}, "a clock fault has an offset, a drift or both"),
+        ({"clock": 3, "offset": "0 ms"}, "a clock fault has an offset, a drift or both"),
+        ({"clock": 3, "drift": 50}, "drift: 50 has no unit: write it with one of ppb, ppm"),
+        ({"clock": 3, "drift": "-1000000 ppm"}, "a clock does not stand still or go back"),
+        ({"sensor": "3.distance"}, "a sensor fault is exactly one of failed, stuck, bias, noise, spikes, not none"),
+        ({"sensor": "3.distance", "stuck": True, "bias": 1}, "not stuck and bias"),
+        ({"sensor": "3.distance", "bias": "much"}, "bias: 'much' should be a number"),
+        ({"sensor": "3.distance", "spikes": {"size": 1, "probability": 0}}, "probability is 0"),
+        ({"sensor": "3.distance", "stuck": True}, "there is no world, so no agent has a sensor"),
+        ({"cut": "1-2", "kill": 1}, "a fault is exactly one of cut, hold, partition, set, kill"),
+        ({"cut": "1-2", "every": {"mtbf": "0 s", "mttr": "1 s"}}, "mtbf is 0 s, a mean time is above 0"),
+        ({"cut": "1-2", "every": {"mtbf": "1 us", "mttr": "1 us"}}, "faults would come of this"),
     ],
 )
 def test_a_wrong_live_fault_is_refused(written: dict[str, Any], message: str) -> None:
     """The message names the field."""
     with pytest.raises(BadInput) as caught:
-        parse_fault(written, "f1", SECOND, EDGES)
+        live(written)
     assert message in str(caught.value)
+
+
+def test_several_agents_are_several_faults_of_one_name() -> None:
+    """Groups, lists and all; natural order, each agent once; one alone keeps the plain name."""
+    assert [(fault.id, getattr(fault, "agent")) for fault in live({"pause": "right, 1"})] == [  # noqa: B009
+        ("f1.1", "1"),
+        ("f1.2", "3"),
+        ("f1.3", "10"),
+    ]
+    assert [fault.id for fault in live({"clock": "all", "offset": "1 ms"})] == ["f1.1", "f1.2", "f1.3", "f1.4"]
+    assert [fault.id for fault in live({"kill": [3, "3"]})] == ["f1"]
+    assert {entry_of(fault.id) for fault in live({"kill": "left"}, "f12")} == {"f12"}
+
+
+def test_a_random_fraction_is_drawn_from_the_seed_and_the_name_of_the_fault() -> None:
+    """The same again and again, another for another fault; halves are rounded up, nothing at all is refused."""
+    places = Places([(str(one), str(one + 1)) for one in range(1, 41)], seed=7)
+
+    def drawn(word: str, fault_id: str = "t1") -> tuple[tuple[str, str], ...]:
+        return parse_links(word, replace(places, fault_id=fault_id))
+
+    half = drawn("random 0.5")
+    assert len(half) == 40
+    assert {link[::-1] for link in half} == set(half)
+    assert half == drawn("random 0.5")
+    assert half != drawn("random 0.5", "t2")
+    assert set(drawn("random 0.25")) < set(half)
+    assert set(drawn("random 0.25, 1-2")) == {*drawn("random 0.25"), ("1", "2"), ("2", "1")}
+    assert len(parse_agents(["random 0.5"], places)) == 21
+    with pytest.raises(BadInput, match=r"random 0\.01 of 40 edges is none of them"):
+        drawn("random 0.01")
+
+
+def test_another_edge_moves_no_draw() -> None:
+    """With one place more to give, all that were drawn before are drawn again."""
+    edges = [(str(one), str(one + 1)) for one in range(1, 41)]
+    before = set(parse_links("random 0.5", Places(edges, seed=7)))
+    after = set(parse_links("random 0.5", Places([*edges, ("41", "42")], seed=7)))
+    assert (len(before), len(after)) == (40, 42)
+    assert before < after
 
 
 def test_link_settings_are_read_alone() -> None:

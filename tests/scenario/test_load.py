@@ -89,7 +89,7 @@ def test_every_part_is_read(load: Load) -> None:
         (
             "cut: 1-2",
             "kill: 1, pause: 2",
-            "example.yaml:16:5: faults.0: a fault is exactly one of cut, kill, pause, set",
+            "example.yaml:16:5: faults.0: a fault is exactly one of cut, hold, partition, set",
         ),
         (
             "at: 3 s",
@@ -97,7 +97,7 @@ def test_every_part_is_read(load: Load) -> None:
             "example.yaml:16:22: faults.0.until: until is 4 s and at 4 s: a fault ends after it start",
         ),
         ("at: 3 s, until: 4 s", "at: 10 s", "example.yaml:16:10: faults.0.at: starts at 10 s, the run ends at 10 s"),
-        ("at: 3 s", "at: -3 s", "faults.0.at: at is -3 s: a fault starts at 0 or later"),
+        ("at: 3 s", "at: -3 s", "faults.0.at: -3 s is before the run: a fault starts at 0 or later"),
         ("for: 1 s", "for: 0 s", "faults.1.for: for is 0 s: a fault lasts longer than 0"),
         ("for: 1 s", "for: 1 s, until: 8 s", "faults.1: write until or for, not both"),
         ("where: all, ", "", "faults.1: set and where belong together"),

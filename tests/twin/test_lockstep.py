@@ -197,7 +197,7 @@ class Network:
         self._live[fault.id] = fault
         self._promised = {link: min(promised, instant_ns) for link, promised in self._promised.items()}
         for pacer in living:
-            assert pacer.arm(fault, instant_ns)
+            assert pacer.arm([fault], instant_ns)
             self.deliver()
         if isinstance(fault, Kill) and fault.until_ns is not None:
             self._stand_by(fault)
