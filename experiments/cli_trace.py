@@ -13,8 +13,8 @@ from .cli_folders import finished_run
 from .cli_output import print_lines, print_note
 from .cli_parameters import RUNS, RunName, RunsFolder
 from .cli_window import WHOLE, SpanOptions, known
+from .fault_places import parse_links, places_of
 from .record import Record, load
-from .timeline import parse_links
 from .trace import FATES, Selection, agents_of, trace
 
 _LINK = "Only these links: 3-7 both directions, 3>7 one (quote it); several with commas."
@@ -44,7 +44,7 @@ class Filters:
         """
         from_ns, until_ns = span.bounds(record)
         return Selection(
-            frozenset(parse_links(self.link, record.plan.links)) if self.link else None,
+            frozenset(parse_links(self.link, places_of(record.plan))) if self.link else None,
             frozenset(known("--agent", self.agent, agents_of(record))) if self.agent else None,
             frozenset(known("--fate", self.fate, FATES)) if self.fate else None,
             from_ns or 0,

@@ -170,7 +170,9 @@ class Injector:
 
     async def _end(self, faults: Sequence[Fault]) -> None:
         """End faults at one instant; a new process stands by for each agent that comes back then."""
-        revived = [(await self._swarm.restarts.standby(fault.agent), fault) for fault in faults if isinstance(fault, Kill)]
+        revived = [
+            (await self._swarm.restarts.standby(fault.agent), fault) for fault in faults if isinstance(fault, Kill)
+        ]
         async with self._swarm.intervening:
             await self._end_now(faults, revived)
 

@@ -88,7 +88,7 @@ def test_on_any_graph_the_same_sides_are_parted(written: str, edges: set[tuple[s
         ([[1, 2], [2, 3], "rest"], "agent 2 is on two sides of the partition"),
         ([[1, 2], [3, 4]], "agent 5, 6, 7 is on no side of the partition: add `rest`"),
         ([[1, 99], "rest"], "there is no agent '99'"),
-        ("halfs", "one group is no partition (did you mean 'halves'?)"),
+        ("halvs", "one group is no partition (did you mean 'halves'?)"),
         ({"isolates": 5}, "'isolates' is no partition (did you mean 'isolate'?)"),
         ("bridge 4,5", "a bridge is one agent, not 2"),
         ("isolate", "nothing is named"),
