@@ -42,6 +42,15 @@ class AgeCourse(NamedTuple):
         ages = self.age_ns[last] + (time_ns - self.time_ns[last])
         return np.where(last >= 0, ages.astype(float), np.nan)
 
+    def peaks(self, edges_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The largest age in each span between two edges (m + 1,), ascending; NaN before the first delivery, (m,)."""
+        ends = self.at(edges_ns[1:] - 1)
+        before = self.at(self.time_ns - 1)
+        spans = np.searchsorted(edges_ns, self.time_ns, side="right") - 1
+        inside = (spans < len(ends)) & ~np.isnan(before)
+        np.fmax.at(ends, spans[inside], before[inside])
+        return ends
+
 
 @dataclass(frozen=True)
 class AgeMetrics:

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import BadInput
+from .cli_diagram import NO_DIAGRAM, Diagram
 from .cli_folders import finished_run
 from .cli_output import output, print_plain
 from .cli_parameters import RUNS, RunName, RunsFolder
@@ -61,10 +62,18 @@ def plot_run(
     format_: Formats = ("png", "pdf"),
     quantity: Quantity = None,
     out: FiguresFolder = None,
+    diagram: Diagram = NO_DIAGRAM,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Draw the figures of a run and print their paths."""
-    for path in plot(finished_run(run, runs), which or FIGURES, out, format_, quantity):
+    """Draw the figures of a run and print their paths.
+
+    With --space-time the diagram of a window instead: who sent what to whom, and where it went.
+    """
+    folder = finished_run(run, runs)
+    paths = diagram.draw(folder, out, format_)
+    if which or not paths:
+        paths += plot(folder, which, out, format_, quantity)
+    for path in paths:
         print_plain(str(path))
 
 

@@ -5,8 +5,8 @@ Colours are those of Okabe and Ito, which are told apart with every kind of colo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,22 +17,25 @@ from ..errors import BadInput
 from ..topologies import natural_key
 from ..transport.faults import LinkName
 from ..transport.links import NANOSECONDS
-from .accounting import LinkAccount, account
+from .accounting import LinkAccount, link_account
+from .ages import AgeCourse, age_courses, age_metrics
 from .fault_labels import fault_label
 from .metrics import component_labels, courses
 from .record import Record, load
 from .samples import Samples, samples
+from .stories import Story, stories
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from matplotlib.lines import Line2D
 
-FIGURES = ("estimates", "disagreement", "links", "overview")
-_COLUMN_IN, _PAGE_IN = 3.5, 7.16
+FIGURES = ("estimates", "disagreement", "links", "age", "overview")
+_OF_LINKS = ("links", "age")
+COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
-SKY, BLUE, VERMILION, GREEN, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#000000"
-GREY, _DARK_GREY = "#D9D9D9", "#444444"
+SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
+GREY, DARK_GREY = "#D9D9D9", "#444444"
 STYLE: dict[str, Any] = {
     "pdf.fonttype": 42,
     "ps.fonttype": 42,
@@ -47,6 +50,7 @@ STYLE: dict[str, Any] = {
     "savefig.dpi": 200,
 }
 _NAMED_AGENTS = 24
+_AGE_SPANS = 300
 _LEVELS, _LEVEL, _CLOSE = 2, 0.1, 0.25
 
 
@@ -65,7 +69,7 @@ def plot(
         BadInput: no such figure, format or quantity, or no run.
     """
     record = load(folder)
-    shown = which or (FIGURES if record.quantities() else ("links",))
+    shown = which or (FIGURES if record.quantities() else _OF_LINKS)
     return draw(record, shown, out or folder / "figures", formats, quantity)
 
 
@@ -77,24 +81,37 @@ def draw(
     Raises:
         BadInput: no such figure, format or quantity.
     """
-    from matplotlib import style
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     names = list(which)
     _check("figure", names, FIGURES)
-    _check("figure format", formats, sorted(FigureCanvasAgg.get_supported_filetypes()))
+    check_formats(formats)
     subject = _Subject(record, quantity)
-    paths = []
+    return [path for name in names for path in save(partial(_draw, name, subject), name, out, formats)]
+
+
+def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Sequence[str]) -> list[Path]:
+    """Draw a figure in the style of all and leave it in a folder, in each format; the paths of the files."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
     out.mkdir(parents=True, exist_ok=True)
     with style.context(STYLE):
-        for name in names:
-            figure = Figure(layout="constrained")
-            _draw(name, subject, figure)
-            for format_ in formats:
-                paths.append(out / f"{name}.{format_}")
-                figure.savefig(paths[-1])
+        figure = Figure(layout="constrained")
+        draw_into(figure)
+        paths = [out / f"{name}.{format_}" for format_ in formats]
+        for path in paths:
+            figure.savefig(path)
     return paths
+
+
+def check_formats(formats: Sequence[str]) -> None:
+    """Refuse what figures cannot be saved as.
+
+    Raises:
+        BadInput: such a format; the message lists those that there are.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    _check("figure format", formats, sorted(FigureCanvasAgg.get_supported_filetypes()))
 
 
 def _check(what: str, asked: Iterable[str], known: Sequence[str]) -> None:
@@ -119,25 +136,33 @@ class _Subject:
         return samples(self.record, self._quantity or quantities[0])
 
     @cached_property
+    def frames(self) -> dict[LinkName, list[Story]]:
+        """The frames of each link."""
+        return stories(self.record)
+
+    @cached_property
     def accounts(self) -> dict[LinkName, LinkAccount]:
         """The account of each link."""
-        return account(self.record)
+        return {link: link_account(mine, self.record.last_ns) for link, mine in self.frames.items()}
 
 
 def _draw(name: str, subject: _Subject, figure: Figure) -> None:
     """Draw one of FIGURES, in its size."""
     record = subject.record
     if name == "links":
-        figure.set_size_inches(_COLUMN_IN, 0.85 * _COLUMN_IN)
+        figure.set_size_inches(COLUMN_IN, 0.85 * COLUMN_IN)
         draw_links(record, subject.accounts, figure)
+    elif name == "age":
+        figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
+        draw_ages(record, age_courses(record, subject.frames), figure)
     elif name == "estimates":
-        figure.set_size_inches(_COLUMN_IN, 0.5 + _PANEL_IN * subject.seen.estimate.shape[2])
+        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * subject.seen.estimate.shape[2])
         draw_estimates(record, subject.seen, figure)
     elif name == "disagreement":
-        figure.set_size_inches(_COLUMN_IN, 0.7 * _COLUMN_IN)
+        figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
         draw_disagreement(record, subject.seen, figure)
     else:
-        figure.set_size_inches(_PAGE_IN, _OVERVIEW_IN)
+        figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
         left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
         upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
         draw_estimates(record, subject.seen, left)
@@ -208,6 +233,31 @@ def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure:
     axes.set_ylabel("from agent")
 
 
+def draw_ages(record: Record, ages_of: Mapping[LinkName, AgeCourse], figure: Figure | SubFigure) -> None:
+    """Age of information over time, the largest in each of many short spans: median and range of the links."""
+    axes = figure.subplots()
+    edges = np.linspace(0, record.last_ns, _AGE_SPANS + 1).astype(np.int64)
+    peaks = {link: course.peaks(edges) / 1e6 for link, course in ages_of.items() if len(course.time_ns)}
+    lines: dict[str, Artist] = {}
+    if peaks:
+        times = (edges[1:] + edges[:-1]) / 2 / NANOSECONDS
+        every = np.stack(list(peaks.values()))
+        known = ~np.isnan(every).all(axis=0)
+        seen, at = every[:, known], times[known]
+        middle, low, high = np.nanmedian(seen, axis=0), np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+        lines["all links"] = axes.fill_between(at, low, high, color=SKY, alpha=0.35, linewidth=0)
+        (lines["median"],) = axes.plot(at, middle, color=BLUE)
+        oldest = max(peaks, key=lambda link: age_metrics(ages_of[link]).mean_ns)
+        label = f"oldest: {'→'.join(oldest)}"
+        (lines[label],) = axes.plot(times, peaks[oldest], color=VERMILION, linewidth=0.7)
+        axes.set_yscale("log")
+    _shade(record, axes, named=True)
+    _legend(figure, lines)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("age of information (ms)")
+    axes.set_xlim(0, max(record.last_ns, 1) / NANOSECONDS)
+
+
 def _any_agent(reference: NDArray[np.float64]) -> NDArray[np.float64]:
     """What a reference says at each sample, (T, k): the mean over the agents for which it says anything."""
     known = ~np.isnan(reference)
@@ -228,10 +278,10 @@ def _shade(record: Record, axes: Axes, *, named: bool) -> None:
         if named:
             place = axes.get_xaxis_transform()
             label = fault_label(fault, len(record.plan.links))
-            axes.text(from_s, 1.02 + _LEVEL * level, label, transform=place, fontsize=6, color=_DARK_GREY)
+            axes.text(from_s, 1.02 + _LEVEL * level, label, transform=place, fontsize=6, color=DARK_GREY)
 
 
-def _legend(figure: Figure | SubFigure, lines: dict[str, Line2D]) -> None:
+def _legend(figure: Figure | SubFigure, lines: Mapping[str, Artist]) -> None:
     if lines:
         legend = figure.legend(list(lines.values()), list(lines), loc="outside upper center", ncols=len(lines))
         for line in legend.get_lines():

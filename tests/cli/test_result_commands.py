@@ -80,7 +80,7 @@ def test_plot_prints_the_paths_of_what_it_drew(volery: Volery, own_run: Path) ->
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["pie"], "figure 'pie' is not known: one of estimates, disagreement, links, overview"),
+        (["pie"], "figure 'pie' is not known: one of estimates, disagreement, links, age, overview"),
         (["links", "--format", "docx"], "figure format 'docx' is not known"),
         (["estimates", "--quantity", "speed"], "nobody reported 'speed'"),
     ],
@@ -88,6 +88,34 @@ def test_plot_prints_the_paths_of_what_it_drew(volery: Volery, own_run: Path) ->
 )
 def test_plot_of_what_there_is_not(volery: Volery, own_run: Path, words: list[str], message: str) -> None:
     """Exit code 2, and what there is."""
+    assert own_run.is_dir()
+    said = volery("plot", "last", *words)
+    assert said.code == 2
+    assert message in said.error
+
+
+def test_space_time_diagram(volery: Volery, own_run: Path) -> None:
+    """Alone, or with the figures that are named; of a window and some agents if these are given."""
+    assert own_run.is_dir()
+    window = ("--from", "0.25s", "--until", "0.35 s", "--agents", "1,2")
+    said = volery("plot", "last", "--space-time", *window, "--format", "svg", "--out", "here")
+    assert said.out.split() == ["here/space-time.svg"]
+    said = volery("plot", "last", "age", "--space-time", "--format", "svg", "--out", "here")
+    assert said.out.split() == ["here/space-time.svg", "here/age.svg"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--from", "0.2 s"], "--from, --until and --agents are of the space-time diagram: add --space-time"),
+        (["--space-time", "--agents", "1,7"], "--agents 7: there is none"),
+        (["--space-time", "--until", "0 s"], "--until 0 s is not after --from 0 s"),
+        (["--space-time", "--format", "docx"], "figure format 'docx' is not known"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_space_time_diagram_of_what_there_is_not(volery: Volery, own_run: Path, words: list[str], message: str) -> None:
+    """Exit code 2, the value and the remedy."""
     assert own_run.is_dir()
     said = volery("plot", "last", *words)
     assert said.code == 2

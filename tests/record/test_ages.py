@@ -80,3 +80,14 @@ def test_link_that_delivered_nothing_has_no_age(record_of: Make, sent: Make, hea
     course = course_of(record_of(Batch("1", 0, sent=[sent(0, 0, "cut")]), Batch("2", 0, heard=[heard(0, 0, "cut")])))
     assert all(math.isnan(value) for value in vars(age_metrics(course)).values())
     assert np.isnan(course.at(np.array([0, 500 * MS]))).all()
+
+
+def test_peaks_of_short_spans(record_of: Make, sent: Make, heard: Make) -> None:
+    """The largest age in each span is that just before a delivery, or at its end; nothing before the first delivery."""
+    times = (0, 100, 300)
+    frames = [sent(number, start) for number, start in enumerate(times)]
+    receiver = Batch("2", 0, heard=[heard(number, start) for number, start in enumerate(times)])
+    course = course_of(record_of(Batch("1", 0, sent=frames), receiver))
+    peaks = course.peaks(np.array([0, 4, 50, 110, 200, 1000]) * MS)
+    assert np.isnan(peaks[0])
+    assert (peaks[1:] / MS).round().tolist() == [50, 105, 100, 700]

@@ -17,6 +17,7 @@ from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments import export, figures
 from volery.experiments.accounting import account
+from volery.experiments.ages import age_courses, age_metrics
 from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.stories import stories
@@ -41,7 +42,9 @@ def test_every_figure_is_drawn_in_every_format(tmp_path: Path, record: Record) -
     """Files of the asked names; fonts in PDF are embedded as TrueType, which journals ask for."""
     paths = figures.draw(record, figures.FIGURES, tmp_path / "new", ("png", "pdf"))
     assert [path.name for path in paths] == [
-        f"{name}.{kind}" for name in ("estimates", "disagreement", "links", "overview") for kind in ("png", "pdf")
+        f"{name}.{kind}"
+        for name in ("estimates", "disagreement", "links", "age", "overview")
+        for kind in ("png", "pdf")
     ]
     assert all(path.stat().st_size > 1000 for path in paths)
     pdf = (tmp_path / "new" / "disagreement.pdf").read_bytes()
@@ -87,10 +90,26 @@ def test_links_show_what_came_through(record: Record) -> None:
     assert np.isnan(shown).tolist() == [[True, False, True], [False, True, False], [True, False, True]]
 
 
+def test_ages_peak_in_the_cut(record: Record) -> None:
+    """All links, their median and the oldest, in ms: 1–2 is cut for 0.2 s and hears nothing new."""
+    figure = Figure()
+    ages = age_courses(record, stories(record))
+    figures.draw_ages(record, ages, figure)
+    (axes,) = figure.axes
+    assert (axes.get_yscale(), axes.get_ylabel()) == ("log", "age of information (ms)")
+    median, oldest = (np.asarray(line.get_ydata(), dtype=float) for line in axes.lines)
+    peaks = {link: age_metrics(course) for link, course in ages.items()}
+    worst = max(peaks, key=lambda link: peaks[link].mean_ns)
+    assert np.nanmax(oldest) == pytest.approx(peaks[worst].peak_ns / 1e6)
+    assert np.nanmax(oldest) > 200 > np.nanmedian(median)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["all links", "median", f"oldest: {'→'.join(worst)}"]
+
+
 def test_a_run_without_frames_and_references_can_be_drawn(tmp_path: Path, record_of: Make) -> None:
     """No oracle, no truth, one agent, no frame: what there is is drawn, without a warning."""
     record = record_of(Batch("1", 0, [Estimate(k * MS, "x", k, [1.0, float("nan")]) for k in range(3)]))
-    assert len(figures.draw(record, figures.FIGURES, tmp_path)) == 4
+    assert len(figures.draw(record, figures.FIGURES, tmp_path)) == 5
 
 
 @pytest.mark.parametrize(

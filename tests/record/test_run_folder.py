@@ -17,6 +17,7 @@ from volery.experiments.record import Collector, load
 from volery.experiments.recorder import Recorder
 from volery.experiments.scenario import load_scenario
 from volery.experiments.schema import resolved_yaml
+from volery.experiments.space_time import plot_space_time
 from volery.experiments.twin import Twin
 
 
@@ -60,7 +61,8 @@ def test_run_without_estimates_has_a_figure_of_its_links(folder: Path) -> None:
     (folder / "record.mcap").unlink()
     with Recorder(folder) as recorder:
         recorder.event({"event": "finished", "time_ns": 0})
-    assert plot(folder, formats=["png"]) == [folder / "figures" / "links.png"]
+    assert plot(folder, formats=["png"]) == [folder / "figures" / name for name in ("links.png", "age.png")]
+    assert plot_space_time(load(folder), folder, formats=["png"]) == [folder / "space-time.png"]
 
 
 def test_damaged_run_information_is_named(folder: Path) -> None:
