@@ -144,5 +144,5 @@ def fidelity_lines(fidelity: Fidelity) -> Iterator[str]:
         yield f"chance takes a sound run out of any of these bounds once in {1 / FALSE_ALARM:,.0f} runs (Bonferroni)"
     for name, late in (("late frames", fidelity.frames), ("timers, of the worst agent", fidelity.timers)):
         if not math.isnan(late.max_ns):
-            times = ", ".join(f"{value / 1e6:.3g} ms" for value in (late.p50_ns, late.p99_ns, late.max_ns))
+            times = ", ".join(f"{value / 1e6:,.1f} ms" for value in (late.p50_ns, late.p99_ns, late.max_ns))
             yield f"{name}: median, p99 and largest lateness {times}"
