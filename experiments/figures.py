@@ -269,7 +269,7 @@ def _shade(record: Record, axes: Axes, *, named: bool) -> None:
     """The spans of the faults in grey, their names above the panel, on a second level where they stand close."""
     last_s = record.last_ns / NANOSECONDS
     level, before_s = 0, -last_s
-    for fault in record.faults:
+    for fault in record.faults_that_held:
         from_s = fault.at_ns / NANOSECONDS
         until_s = last_s if fault.until_ns is None else fault.until_ns / NANOSECONDS
         axes.axvspan(from_s, min(until_s, last_s), color=GREY, alpha=0.6, linewidth=0, zorder=0)

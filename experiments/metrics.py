@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -267,9 +268,10 @@ def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Reco
     of = "disagreement" if np.isnan(all_courses["error to oracle"].rms).all() else "error to oracle"
     course = all_courses[of]
     found = []
-    for fault in record.faults:
-        following = [other.at_ns for other in record.faults if other.at_ns > fault.at_ns]
-        threshold, recovery = _recovery(course, fault, min(following, default=None))
+    starts = [fault.at_ns for fault in record.faults_that_held]
+    for fault in record.faults_that_held:
+        following = starts[bisect_right(starts, fault.at_ns) :][:1]
+        threshold, recovery = _recovery(course, fault, following[0] if following else None)
         label = fault_label(fault, len(record.plan.links))
         found.append(Recovery(fault.id, label, of, threshold, _seconds(recovery)))
     return tuple(found)

@@ -75,6 +75,15 @@ class Record:
         return tuple(sorted(faults.values(), key=lambda fault: (fault.at_ns, fault.id)))
 
     @cached_property
+    def faults_that_held(self) -> tuple[Fault, ...]:
+        """The same without those that were cleared, or the run stopped, before they began."""
+        return tuple(
+            fault
+            for fault in self.faults
+            if fault.at_ns <= self.last_ns and (fault.until_ns is None or fault.at_ns < fault.until_ns)
+        )
+
+    @cached_property
     def as_run(self) -> Plan:
         """The plan with the faults as they really were: what sensors said follows from it."""
         return replace(self.plan, faults=self.faults)

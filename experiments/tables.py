@@ -12,6 +12,7 @@ from .fidelity import fidelity_lines
 from .metrics import LinkMetrics, Metrics, QuantityMetrics
 
 _WORST_LINKS = 5
+_FIRST_FAULTS = 20
 _NOTHING = "–"
 _CLOSES = "the sum of frames closes on every link"
 
@@ -77,7 +78,12 @@ def _errors(name: str, quantity: QuantityMetrics) -> Table:
 
 
 def _recoveries(name: str, quantity: QuantityMetrics) -> Table:
-    rows = ((one.label, one.of, _number(one.threshold), _number(one.recovery_s, "s")) for one in quantity.recoveries)
+    rows = [
+        (one.label, one.of, _number(one.threshold), _number(one.recovery_s, "s"))
+        for one in quantity.recoveries[:_FIRST_FAULTS]
+    ]
+    if more := len(quantity.recoveries) - len(rows):
+        rows.append((f"… and {more} more", "", "", ""))
     return _table(f"{name}: recovery after faults", "fault", "of", "threshold", "recovered after", rows=rows)
 
 

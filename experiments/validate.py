@@ -13,6 +13,7 @@ from ..topologies import natural_key
 from ..transport.faults import LinkName
 from ..transport.links import LinkSettings
 from ..transport.media import HalfDuplex, Tdma, on_air
+from .contradictions import vain_faults
 from .fitting import slots_of
 from .graph_changes import GraphChanges, graph_changes
 from .writing import ACCESS_NAMES
@@ -43,7 +44,7 @@ class MediumUse:
 class Validation:
     """What a plan asks for. `slack_ns` is the time that the hardest pressed link leaves to the machine.
 
-    `graph` says how the graph changes, where it does.
+    `graph` says how the graph changes, where it does; `vain` are sentences about faults that change nothing.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Validation:
     largest_payload: int | None
     slack_ns: int
     graph: GraphChanges | None = None
+    vain: tuple[str, ...] = ()
 
     @property
     def overloaded(self) -> tuple[MediumUse, ...]:
@@ -78,6 +80,7 @@ def validate_plan(plan: Plan, overload: bool = False) -> Validation:
         max(told, default=None),
         min(compute[source] + settings.lookahead_ns() for (source, _), settings in plan.links.items()),
         graph_changes(plan),
+        tuple(vain_faults(plan)),
     )
     if validation.overloaded and not overload:
         raise BadInput(_overload_message(validation.overloaded))
@@ -161,8 +164,9 @@ def validation_table(validation: Validation) -> Table:
     table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
     puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
     largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
-    if validation.graph is not None:
-        table.caption, table.caption_justify = str(validation.graph), "left"
+    said = [*validation.vain] if validation.graph is None else [str(validation.graph), *validation.vain]
+    if said:
+        table.caption, table.caption_justify = "\n".join(said), "left"
     table.add_column("medium", f"{validation.agents} agents")
     table.add_column("access", f"largest payload {largest}")
     table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")

@@ -22,7 +22,7 @@ from volery.experiments.metrics import Metrics, compute_metrics, contraction
 from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.tables import metrics_tables
-from volery.transport.faults import Kill, LinkFault, Pause
+from volery.transport.faults import ClockFault, Hog, Kill, LinkFault, Pause, SensorFault
 from volery.transport.latencies import Normal
 from volery.transport.losses import Bernoulli, GilbertElliott
 
@@ -193,7 +193,16 @@ def test_speed_relative_to_real_time(record_of: Make) -> None:
         (LinkFault("a", 0, 1, (("1", "2"),), {"latency": Normal(2 * MS, MS // 2)}), "latency 2 ms, 0.5 ms 1→2"),
         (LinkFault("a", 0, 1, (("1", "2"), ("1", "3"), ("1", "4")), {"rate": 9600.0}), "rate 9.6 kbit/s 3 links"),
         (Kill("a", 0, 1, "5"), "kill 5"),
+        (LinkFault("a", 0, 1, (("1", "2"),), {"hold": True}), "hold 1→2"),
+        (LinkFault("a", 0, 1, (("1", "2"),), {"cut": False}), "no cut 1→2"),
+        (Kill("a", 0, 1, "5", keep_state=True), "kill 5, state kept"),
         (Pause("a", 0, 1, "5"), "pause 5"),
+        (Hog("a", 0, 1, "5", 0.5), "hog 5 50%"),
+        (ClockFault("a", 0, 1, "5", -20 * MS, 50_000), "clock 5 -20 ms, +50 ppm"),
+        (ClockFault("a", 0, 1, "5", 0, -200), "clock 5 -0.2 ppm"),
+        (SensorFault("a", 0, 1, "5", "distance", "failed"), "5.distance failed"),
+        (SensorFault("a", 0, 1, "5", "gyro", "bias", (0.1, 0.0)), "5.gyro bias 0.1, 0"),
+        (SensorFault("a", 0, 1, "5", "gyro", "spikes", (2.0,), 0.1), "5.gyro spikes 2, 0.1 of samples"),
     ],
 )
 def test_faults_have_short_names(fault: Any, label: str) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
+from rich.console import Console
 
 from volery.errors import BadInput
 from volery.experiments.compile import compile_plan
 from volery.experiments.contradictions import vain_faults
+from volery.experiments.validate import validate_plan, validation_table
 from volery.transport.faults import SensorFault
 
 from .conftest import Load, Refusal
@@ -77,6 +81,15 @@ def test_faults_of_links_that_carry_nothing_are_told(load: Load) -> None:
         "fault t2: 1>2, 2>1 carry nothing: the graph has no such edge then",
     ]
     assert list(vain_faults(compile_plan(load()))) == []
+
+
+def test_validate_says_what_is_vain(load: Load) -> None:
+    """Below its table, a line for each entry."""
+    plan = compile_plan(load("agents={kind: beacon, talkers: [1]}", "links={latency: 1 ms}", "faults.1.where=2>1"))
+    console = Console(file=io.StringIO(), width=200)
+    console.print(validation_table(validate_plan(plan)))
+    assert isinstance(console.file, io.StringIO)
+    assert "fault t2: 2>1 carries nothing: 2 never sends" in console.file.getvalue()
 
 
 def test_groups_name_links_and_agents(load: Load, refusal: Refusal) -> None:

@@ -87,6 +87,36 @@ def test_a_resolved_scenario_reads_back_equal(load: Load, tmp_path: Path) -> Non
     assert compile_plan(scenario).faults[2].until_ns == 1_300_000_000
 
 
+EVERY_FAULT = """\
+  - {at: 1 s, for: 0.3 s, hold: 1>2}
+  - {at: 1.5 s, partition: [[1], rest], for: 1 ms}
+  - {at: 1.6 s, partition: {isolate: 3}, for: 1 ms}
+  - {at: 1.7 s, partition: halves, for: 1 ms}
+  - {at: 2 s, for: 1 s, pause: [left, random 0.3]}
+  - {at: 2 s, for: 1 s, hog: 2, share: 0.25}
+  - {at: 2 s, clock: all, offset: -20 ms, drift: 50 ppm}
+  - {every: {mtbf: 5 s, mttr: 100 ms}, from: 1 s, until: 9 s, cut: {random: 0.5}}
+  - {at: 1 s, sensor: 1.distance, spikes: {size: [0.5], probability: 0.25}}
+  - {at: 1 s, sensor: 2.distance, stuck: true}
+  - {at: 1 s, sensor: 3.distance, noise: 0.5}
+"""
+
+
+def test_faults_of_every_kind_read_back_equal(load: Load, tmp_path: Path) -> None:
+    """With groups, random fractions, partitions, processes, clocks, sensors; and so do the faults that follow."""
+    scenario = load(
+        "agents={kind: dfa-module}",
+        "topology={hexagonal: 4}",
+        "world={kind: plane, altitude: 0.2 m}",
+        "links.rate=1 Mbit/s",
+        "groups={left: [1, 2]}",
+        replacing=("", EVERY_FAULT),
+    )
+    again = _read_back(resolved_yaml(scenario), tmp_path)
+    assert again == scenario
+    assert compile_plan(again).faults == compile_plan(scenario).faults
+
+
 def test_resolving_writes_the_defaults_out(load: Load) -> None:
     """What a later version might choose otherwise stands in the file."""
     text = resolved_yaml(load())
