@@ -181,7 +181,7 @@ class _Shell:
             "stop": self._stop,
         }
         if self._node is None and do in _OF_LIFE:
-            return 0
+            return True if do == "arm" else 0
         return orders[do](**order)
 
     def _rehearse(self) -> bool:

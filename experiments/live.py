@@ -124,7 +124,7 @@ class Injector:
             fault.id: fault
             for fault in self._faults.values()
             if name in (fault.id, entry_of(fault.id))
-            and (fault.in_force(now_ns) or (fault.at_ns > now_ns and not isinstance(fault, Kill)))
+            and (fault.in_force(now_ns) or (_is_to_come(fault, now_ns) and not isinstance(fault, Kill)))
         }
 
     async def restart(self, words: str) -> str:
@@ -195,6 +195,10 @@ class Injector:
         self._say_if_late(ended, until_ns, in_time=in_time)
         for fault in ended:
             self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})
+
+
+def _is_to_come(fault: Fault, now_ns: int) -> bool:
+    return fault.at_ns > now_ns and (fault.until_ns is None or fault.at_ns < fault.until_ns)
 
 
 def _shifted(draft: Fault, by_ns: int) -> Fault:
