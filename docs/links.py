@@ -145,9 +145,7 @@ def hold(figure: Figure) -> Iterator[str]:
             "links={rate: 100 kbit/s, latency: 10 ms}",
             f"faults=[{{at: 100 ms, until: 200 ms, where: all, set: {{{name}: true}}}}]",
         )
-        axes.axvspan(100, 200, color=GREY, lw=0, zorder=0)
         space_time(axes, record, 0, 300)
-        axes.set_title(f"{name}: true from 100 to 200 ms", loc="left")
         axes.label_outer()
         held = sum(due != sent.due_ns for sent, _, due in frames(record, "1", "2"))
         yield f"{name}: {counts(record)}, {held} held back"

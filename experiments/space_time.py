@@ -45,8 +45,8 @@ class Look(NamedTuple):
 
 LOOKS = {
     DELIVERED: Look(BLUE, "o", "delivered"),
-    LOST: Look(VERMILION, "x", "lost on the way", _ENDS_ON_THE_WAY),
-    CUT: Look(BLACK, "|", "link cut", _ENDS_ON_THE_WAY),
+    LOST: Look(VERMILION, "x", "lost", _ENDS_ON_THE_WAY),
+    CUT: Look(BLACK, "|", "cut", _ENDS_ON_THE_WAY),
     HALF_DUPLEX: Look(GREEN, "s", "receiver was sending"),
     COLLISION: Look(PURPLE, "D", "collision"),
     CORRUPT: Look(VERMILION, "P", "corrupt"),
@@ -265,16 +265,21 @@ def _shade(
 
 
 def _marks(frames: Collection[Story]) -> Iterator[Line2D]:
-    """Marks and their meaning, in the order of LOOKS."""
     from matplotlib.lines import Line2D
 
-    fates = {frame.fate for frame in frames}
     if any(frame.airtime_ns for frame in frames):
         yield Line2D([], [], color=SKY, linewidth=_BAR, label="on the air")
-    for fate, look in LOOKS.items():
-        if fate in fates:
-            yield Line2D([], [], **{**_mark(look), "linestyle": "-", "linewidth": 0.8}, label=look.name)
+    yield from fate_marks(frame.fate for frame in frames)
     if any(frame.copy for frame in frames):
         yield Line2D([], [], color=BLUE, linestyle=":", linewidth=0.8, label="duplicate")
     if any(frame.behind_ns is not None for frame in frames):
         yield Line2D([], [], **_mark(LOOKS[DELIVERED], late=True), label="late")
+
+
+def fate_marks(fates: Iterable[str]) -> list[Line2D]:
+    """The marks of some fates for a legend, each once, in the order of LOOKS."""
+    from matplotlib.lines import Line2D
+
+    asked = set(fates)
+    looks = (look for fate, look in LOOKS.items() if fate in asked)
+    return [Line2D([], [], **{**_mark(look), "linestyle": "-", "linewidth": 0.8}, label=look.name) for look in looks]
