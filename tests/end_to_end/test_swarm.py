@@ -84,6 +84,17 @@ def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
     check_accounts(record)
 
 
+def test_radios_that_listen_first_equal_the_twin(plan_of: PlanOf) -> None:
+    """Twelve processes with carrier sense hear, collide and give up as in the twin, to the nanosecond."""
+    record, ending = run_swarm(plan_of("radio-csma", "duration=2 s", "agents.rate=60 Hz"))
+    assert ending.problems == ()
+    lost = total(account(record).values())
+    assert lost["lost (access)"] > 0
+    assert lost["lost (collision)"] > 0
+    assert departures(record) == []
+    check_accounts(record)
+
+
 @pytest.mark.usefixtures("busy_cores")
 def test_lockstep_equals_the_twin_on_a_busy_machine(plan_of: PlanOf) -> None:
     """Work on both cores changes how long a lockstep run takes, and nothing else."""

@@ -34,6 +34,7 @@ BUILT_IN = [
     "dfa4",
     "dfa8-random",
     "dfa-sizes",
+    "radio-csma",
 ]
 
 
