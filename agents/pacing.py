@@ -185,8 +185,14 @@ class Realtime:
         return time_ns - self._early_ns if rank >= OFFER else time_ns
 
     def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
-        """Arm live faults that change something from an instant on; whether there is time left until then."""
-        in_time = instant_ns > self.hold()
+        """Arm live faults that change something from an instant on; whether there is time left until then.
+
+        Of a fault that is armed anew for a later start, the earlier one must not have passed either.
+        """
+        faults, passed_ns = list(faults), self.hold()
+        known = self._node.known
+        moved = (known[new.id].at_ns for new in faults if new.id in known and known[new.id].at_ns != new.at_ns)
+        in_time = min([instant_ns, *moved]) > passed_ns
         for fault in faults:
             self._node.arm(fault)
         self._stay()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,6 +17,9 @@ from .twin import RecordSink
 
 _AHEAD_S = 0.05
 _TRIES = 3
+_BEFORE_EFFECT_S = 0.02
+"""Agents transmit a little ahead: this long before its instant a fault may have an effect already."""
+_TIMES_AN_ORDER = 2.0
 _UNDONE = {"cut": "is cut", "hold": "is held"}
 
 
@@ -30,6 +34,7 @@ class Injector:
         self._faults.update({fault.id: fault for fault in swarm.plan.faults})
         self._count = 0
         self._newest_ns = 0
+        self._took_s = 0.0
 
     def in_force(self) -> dict[str, Fault]:
         """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
@@ -66,17 +71,20 @@ class Injector:
         return "\n".join([f"{name}: {_told(faults)}", *warnings(faults, circumstances)])
 
     async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
-        """Choose an instant, arm the faults everywhere, and do so anew with a later one if some agent was too slow."""
+        """Choose an instant and arm the faults everywhere.
+
+        If some agent was too slow they are armed anew for a later instant, as long as they have no effect anywhere yet.
+        """
         swarm = self._swarm
         for draft in drafted:
             if isinstance(draft, Kill):
                 swarm.expect_kill(draft.agent)
         held = (await swarm.order({"do": "hold"})).values() if swarm.pace == "lockstep" else []
         for _ in range(_TRIES):
-            at_ns = max(held) + 1 if swarm.pace == "lockstep" else swarm.ahead_ns(_AHEAD_S)
+            at_ns = max(held) + 1 if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
             in_time = await self._tell(faults, at_ns)
-            if in_time:
+            if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
                 break
         if swarm.pace == "lockstep":
             await swarm.order({"do": "release"})
@@ -88,8 +96,14 @@ class Injector:
     async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         self._swarm.interventions += self._swarm.pace == "lockstep"
         order = {"do": "arm", "faults": [to_plain(fault) for fault in faults], "instant_ns": instant_ns}
+        began = time.monotonic()
         answers = await self._swarm.order(order)
+        self._took_s = time.monotonic() - began
         return all(answers.values())
+
+    def _ahead_s(self) -> float:
+        """How far ahead an instant is put: further where the last order took long to reach everybody."""
+        return max(_AHEAD_S, _TIMES_AN_ORDER * self._took_s)
 
     def _say_if_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
         for fault in () if in_time else faults:
@@ -181,7 +195,7 @@ class Injector:
         if swarm.pace == "lockstep":
             until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
         else:
-            until_ns = swarm.ahead_ns(_AHEAD_S)
+            until_ns = swarm.ahead_ns(self._ahead_s())
         ended = [replace(fault, until_ns=until_ns) for fault in faults]
         in_time = await self._tell(ended, until_ns)
         self._faults.update({fault.id: fault for fault in ended})

@@ -1,0 +1,77 @@
+"""Live faults of a running swarm, timed: from the command to the instant of effect, the same one on all links."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+import time
+from pathlib import Path
+
+from shapes import quantile, ring
+from swarms import TimedSwarm, pulses
+
+import volery
+from volery.experiments.desk import Desk
+from volery.experiments.live import Injector
+from volery.experiments.record import Collector, Record
+from volery.experiments.stories import stories
+from volery.transport.keys import Keys
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings
+
+_WARM_S, _LOOK_S, _LONGEST_S, _LASTS = 1.0, 0.01, 0.6, "60 ms"
+_RUN = "bench"
+
+
+def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, float]:
+    """Milliseconds from the call to the instant of effect, of cuts of all links one after the other in realtime pace.
+
+    `stray`: frames that were cut outside the instants of a fault, or came through within; `late`: late faults.
+    """
+    seconds = _WARM_S + faults * _LONGEST_S
+    plan = pulses("bench_agents:Pulse", ring(agents, degree), rate, seconds, LinkSettings(latency=Constant(20_000_000)))
+    collector = Collector()
+
+    async def life() -> tuple[TimedSwarm, list[int]]:
+        swarm = TimedSwarm(plan, collector, _RUN)
+        injector = Injector(swarm, collector)
+        running = asyncio.create_task(swarm.run())
+        await swarm.ready.wait()
+        with tempfile.TemporaryDirectory() as folder:
+            serving = asyncio.create_task(Desk(swarm, injector).serve(Keys(_RUN), Path(folder)))
+            await asyncio.sleep(_WARM_S)
+            called = [await _command(Path(folder), injector) for _ in range(faults)]
+            await swarm.stop()
+            await running
+            serving.cancel()
+        return swarm, called
+
+    swarm, called = asyncio.run(life())
+    record = collector.record(plan)
+    effects = [event["fault"]["at_ns"] + swarm.epoch_ns for event in record.events if event["event"] == "fault"]
+    waits = sorted((effect - call) / 1e6 for effect, call in zip(effects, called, strict=True))
+    late = sum(event["event"] == "late-fault" for event in record.events)
+    return {"p50": quantile(waits, 0.5), "p99": quantile(waits, 0.99), "stray": _stray(record), "late": late}
+
+
+async def _command(folder: Path, injector: Injector) -> int:
+    """Cut all links for a moment, once the last cut is over; when the call began, on the monotonic clock."""
+    while injector.in_force():  # noqa: ASYNC110 - what is waited for has no event of its own
+        await asyncio.sleep(_LOOK_S)
+    began_ns = time.monotonic_ns()
+    await asyncio.to_thread(volery.connect(folder).inject, {"cut": "all", "for": _LASTS})
+    return began_ns
+
+
+def _stray(record: Record) -> int:
+    """Frames whose fate is not what the faults say at the instant of their start."""
+
+    def is_cut(start_ns: int) -> bool:
+        return any(fault.in_force(start_ns) for fault in record.faults)
+
+    told = (story for of_link in stories(record).values() for story in of_link)
+    return sum(
+        (story.fate == "cut") != is_cut(story.start_ns)
+        for story in told
+        if story.start_ns is not None and story.fate in ("cut", "delivered")
+    )
