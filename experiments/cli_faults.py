@@ -101,7 +101,7 @@ def restore(links: Links, /, *, where: Where = NEWEST) -> None:
 
 @fault.command
 def hold(links: Links, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Hold frames back: those on their way and those to come wait. Example: volery fault hold 3>7 --for 500ms."""
+    """Hold frames back: those on their way and those to come wait. Example: volery fault hold 3-7 --for 500ms."""
     where.inject({"hold": links}, lasting)
 
 

@@ -9,9 +9,10 @@ from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..agents.registry import find
 from ..errors import BadInput
-from ..transport.faults import Fault, Hog, Kill, LinkFault, LinkName, effective
+from ..transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from .contradictions import finding, idle_links, listed
 from .fitting import forgets, placeless, settings_problems
+from .paces import check_pace
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
     """
     if not drafted:
         raise BadInput("no failure falls into what is left of the run: nothing was changed")
+    check_pace((), drafted, realtime=now.pace == "realtime")
     for draft in drafted:
         _check_kind(draft, now)
         if isinstance(draft, LinkFault):
@@ -51,8 +53,6 @@ def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
 
 
 def _check_kind(draft: Fault, now: Circumstances) -> None:
-    if isinstance(draft, Hog) and now.pace == "lockstep":
-        raise BadInput("a hog needs realtime pace: elsewhere nominal time does not depend on the processor")
     if isinstance(draft, Kill) and draft.at_ns > 0:
         raise BadInput("a random process of kills belongs into the scenario's faults; live, kill now")
     if (forgetting := forgets(now.plan, draft)) is not None:

@@ -19,10 +19,8 @@ from typing import Any, Literal
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
-from ..transport.csma import Csma
-from ..transport.faults import Hog, in_force
+from ..transport.faults import in_force
 from ..transport.keys import Keys
-from ..transport.media import HalfDuplex
 from .background import BackgroundSink
 from .compile import compile_plan
 from .desk import Desk
@@ -31,6 +29,7 @@ from .figures import plot
 from .live import Injector
 from .machine import fingerprint
 from .metrics import Metrics, write_metrics
+from .paces import check_pace
 from .recorder import Recorder
 from .run_files import INFO_FILE, SCENARIO_FILE
 from .schema import Scenario, resolved_yaml
@@ -82,7 +81,8 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
         RunFailed: the swarm could not be started.
     """
     plan = compile_plan(scenario)
-    _check_pace(plan, options)
+    realtime = (options.engine, options.pace) == ("zenoh", "realtime")
+    check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
     folder = _new_folder(options, scenario.name)
     (folder / SCENARIO_FILE).write_text(resolved_yaml(scenario), "utf-8")
     info = _info(options)
@@ -106,21 +106,6 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
     if options.figures:
         plot(folder)
     return Outcome(folder, metrics, ending.problems)
-
-
-def _check_pace(plan: Plan, options: Options) -> None:
-    """Refuse what a pace cannot do."""
-    media = {settings.medium for settings in plan.links.values()}
-    senses = any(isinstance(medium, HalfDuplex) and isinstance(medium.access, Csma) for medium in media)
-    if senses and (options.engine, options.pace) == ("zenoh", "realtime"):
-        raise BadInput(
-            "csma listens for what began microseconds ago, which no process can know by the wall clock: "
-            "add --pace lockstep or --engine twin"
-        )
-    hogs = [fault.id for fault in plan.faults if isinstance(fault, Hog)]
-    if hogs and (options.engine, options.pace) != ("zenoh", "realtime"):
-        text = "a hog needs realtime pace: elsewhere nominal time does not depend on the processor"
-        raise BadInput(f"fault {', '.join(hogs)}: {text}")
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
