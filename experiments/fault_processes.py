@@ -10,8 +10,8 @@ from ..randomness import stream
 from ..units import Nanoseconds
 from .writing import quantity
 
-MOST = 10_000
-"""So many faults of one entry are more than anybody means."""
+MOST, MOST_OF_A_PLACE = 10_000, 1_000
+"""More faults of one entry, and of one of its places, than anybody means."""
 
 Spans = list[tuple[int, int]]
 
@@ -36,9 +36,10 @@ class Every:
         Raises:
             BadInput: there would be too many.
         """
-        expected = places * max(0, until_ns - from_ns) / (self.mtbf + self.mttr)
-        if expected > MOST:
-            raise BadInput(f"about {expected:,.0f} faults would come of this, {MOST:,} are the most: raise mtbf")
+        expected = max(0, until_ns - from_ns) / (self.mtbf + self.mttr)
+        for count, most in ((expected * places, MOST), (expected, MOST_OF_A_PLACE)):
+            if count > most:
+                raise BadInput(f"about {count:,.0f} faults would come of this, {most:,} are the most: raise mtbf")
 
 
 def renewals(every: Every, from_ns: int, until_ns: int, seed: int, fault_id: str, *place: str) -> Spans:

@@ -135,7 +135,7 @@ def link_tables(plan: Plan, groups: Sequence[LinkGroup]) -> Iterator[Table]:
     from rich.table import Table
 
     words = fault_words(plan)
-    rows = [*_ROWS, ("faults", lambda group: "\n".join(words[name] for name in group.faults))]
+    rows = [*_ROWS, ("faults", lambda group: _first([words[name] for name in group.faults]))]
     for shown in _batched(groups, _COLUMNS):
         table = Table(title=f"{plan.name}: {len(plan.links)} directed links", title_justify="left")
         table.add_column("links")
@@ -146,6 +146,12 @@ def link_tables(plan: Plan, groups: Sequence[LinkGroup]) -> Iterator[Table]:
             if any(cells):
                 table.add_row(name, *(text or _OTHERWISE.get(name, "–") for text in cells))
         yield table
+
+
+def _first(lines: Sequence[str]) -> str:
+    """Some lines, and how many more."""
+    more = [f"and {len(lines) - _NAMED} more"] if len(lines) > _NAMED else []
+    return "\n".join([*lines[:_NAMED], *more])
 
 
 def _batched(groups: Sequence[LinkGroup], size: int) -> Iterator[Sequence[LinkGroup]]:

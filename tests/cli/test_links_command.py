@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from volery.experiments.scenario import compile_plan, load_scenario
+from volery.transport.faults import LinkFault
+
 from .conftest import Volery
 
 ALL_ALIKE = ["--set", "faults=[]"]
@@ -57,6 +60,17 @@ def test_what_differs_and_what_faults_touch_stands_apart(volery: Volery) -> None
     assert table["duplication"] == [["2 %", "–", "–"]]
     assert table["slot"] == [["1 of 2", "2 in a cycle", "2 of 2"]]
     assert table["faults"] == [["cut 1–2, 0.3 s to 0.5 s", "–", "cut 1–2, 0.3 s to 0.5 s"]]
+
+
+def test_many_faults_of_a_link_are_counted(volery: Volery) -> None:
+    """A random process may bring many: six are shown, and how many there are besides."""
+    process = "faults=[{every: {mtbf: 20 ms, mttr: 10 ms}, cut: all}]"
+    plan = compile_plan(load_scenario("short.yaml", [process]))
+    count = sum(("1", "2") in fault.links for fault in plan.faults if isinstance(fault, LinkFault))
+    table = rows(volery("links", "short.yaml", "--all", "--set", process).out)
+    told = table["faults"][0][table["links"][0].index("1>2")]
+    assert told.count("cut") == 6
+    assert told.endswith(f"and {count - 6} more")
 
 
 def test_every_link_on_request(volery: Volery) -> None:

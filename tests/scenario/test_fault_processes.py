@@ -113,6 +113,7 @@ def test_what_a_process_draws_may_meet_what_is_there_already(load: Load) -> None
         ("every: {mtbf: 1 s, mttr: 1 s}, from: 3 s, until: 2 s, cut: 1-2", "until is 2 s and from 3 s"),
         ("every: {mtbf: 1 s, mttr: 1 s}, from: 11 s, cut: 1-2", "faults.0.from: starts at 11 s, the run ends at 10 s"),
         ("every: {mtbf: 1 us, mttr: 1 us}, cut: 1-2", "about 5,000,000 faults would come of this, 10,000 are the most"),
+        ("every: {mtbf: 2 ms, mttr: 1 ms}, cut: 1-2", "about 3,333 faults would come of this, 1,000 are the most"),
         ("every: {mtbf: 1 us, mttr: 1 us, often: 3}, cut: 1-2", "faults.0.every.often: unknown field"),
     ],
 )
