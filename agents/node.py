@@ -330,17 +330,16 @@ class Node:
         batch, self.journal = self.journal, Batch(self.name, self.incarnation)
         return batch
 
-    def promises(self, outlets: Iterable[str], arrivals_ns: int) -> dict[str, int]:
+    def promises(self, arrivals_ns: int) -> dict[str, int]:
         """For each outlet the earliest instant at which its next transmission can start, or for ever.
 
         An agent that stands still may be told to go on at any instant that nobody has passed.
 
         Args:
-            outlets: names of outlets.
             arrivals_ns: no frame that is yet unheard is due before this.
         """
         if self.dead:
-            return dict.fromkeys(outlets, FOREVER_NS)
+            return dict.fromkeys(self.sending.outlets, FOREVER_NS)
         on_timers = self.timers_only and self._waiting is None
         acts = FOREVER_NS if on_timers else arrivals_ns
         starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))
@@ -353,7 +352,7 @@ class Node:
             if rank == FAULT:
                 for name in self._accesses_changed(event):
                     changes[name] = min(time_ns, changes[name])
-        ready = {name: min(acts + self.compute_ns, starts[name]) for name in outlets}
+        ready = {name: min(acts + self.compute_ns, start) for name, start in starts.items()}
         return {name: min(start, changes[name]) for name, start in self.sending.earliest_starts(ready).items()}
 
     def _accesses_changed(self, event: Event) -> Iterable[str]:

@@ -93,6 +93,7 @@ class Realtime:
         self._write = write
         self._outbox: list[tuple[str, Message]] = []
         self.mail = Mailbox()
+        self.promises = 0
         self.lateness_ns: list[int] = []
         self._loop = loop
         self._speed = speed
@@ -234,9 +235,11 @@ class Lockstep:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard) -> None:
         self.mail = Mailbox()
+        self.promises = 0
         self.lateness_ns: list[int] = []
         self._loop = loop
         self._write = write
+        self._outbox: list[tuple[str, Message]] = []
         self._done = done
         self._held = False
         self._blocking = {_NOBODY}
@@ -280,22 +283,33 @@ class Lockstep:
         return self._node.now_ns
 
     def put(self, outlet: str, frame: Message) -> None:
-        """Send a frame with the promise that nothing starts before the next; one before its duplicate has its own."""
-        if frame.promise_ns is not None:
-            self._write(outlet, frame)
-            return
-        self._write(outlet, frame._replace(promise_ns=self._promise([outlet])[outlet]))
+        """Keep a frame until the turn is over, when it is known what can be promised with it."""
+        self._outbox.append((outlet, frame))
 
-    def _promise(self, outlets: list[str]) -> dict[str, int]:
+    def _promise(self) -> dict[str, int]:
         """New promises, never behind what was told; but for the one for ever, none reaches past the end of the run."""
-        promises = self._node.promises(outlets, max(self._horizon.safe_ns(), self._node.start_ns))
+        promises = self._node.promises(max(self._horizon.safe_ns(), self._node.start_ns))
         for outlet, promise_ns in promises.items():
             if promise_ns < FOREVER_NS:
                 promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
             else:
                 promises[outlet] = self._horizon.forever_ns()
-            self._told[outlet] = promises[outlet]
         return promises
+
+    def _speak(self) -> None:
+        """Put the frames of this turn, the last of an outlet with its promise; the other outlets are told news only.
+
+        With any other frame goes the promise that nothing starts before itself.
+        """
+        told, self._told = self._told, self._promise()
+        last = {outlet: number for number, (outlet, _) in enumerate(self._outbox)}
+        for number, (outlet, frame) in enumerate(self._outbox):
+            promise_ns = self._told[outlet] if number == last[outlet] else frame.start_ns
+            self._write(outlet, frame._replace(promise_ns=promise_ns))
+        self._outbox.clear()
+        for outlet, promise_ns in self._told.items():
+            if promise_ns > told[outlet] and outlet not in last:
+                self._say(outlet)
 
     def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame or promise until all that stand in the way were heard; called on Zenoh's thread."""
@@ -330,6 +344,7 @@ class Lockstep:
             self._say(self._node.sending.outlet_of[source])
 
     def _say(self, outlet: str) -> None:
+        self.promises += 1
         say = air_promise if outlet == AIR else promise
         self._write(outlet, say(self._node.incarnation, self._told[outlet], self._node.sending.sent[outlet]))
 
@@ -340,10 +355,7 @@ class Lockstep:
         while heap and heap[0][TIME] < limit and not self._unheard():
             event = heappop(heap)
             event[HANDLER](event)
-        told = dict(self._told)
-        for outlet, promise_ns in self._promise(list(told)).items():
-            if promise_ns > told[outlet]:
-                self._say(outlet)
+        self._speak()
         if node.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
             self._done()
 

@@ -278,6 +278,7 @@ class _Shell:
                 "time_ns": self._pacer.now_ns(),
                 "cpu_s": usage.ru_utime + usage.ru_stime,
                 "pss_kb": _pss_kb(),
+                "promises": self._pacer.promises,
                 "overflowed": self._pacer.mail.overflowed,
                 "lateness_ns": _quantiles(self._pacer.lateness_ns),
             }

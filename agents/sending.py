@@ -211,10 +211,7 @@ class Sending:
             if name != AIR:
                 self.sent[name] = sent = self.sent[name] + 1
                 carried = payload if verdict == DELIVERED else b""
-                promise = start if copy < len(copies) - 1 else None
-                self._put(
-                    name, Frame(incarnation, sequence, start, airtime, due, verdict, carried, sent, promise, copy)
-                )
+                self._put(name, Frame(incarnation, sequence, start, airtime, due, verdict, carried, sent, None, copy))
         if name == AIR:
             self.sent[name] = sent = self.sent[name] + 1
             shaded = tuple(way.target for way in self.outlets[AIR].ways if way.settings.cut or not way.settings.present)

@@ -16,8 +16,17 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.experiments.scenario import compile_plan, load_scenario
 from volery.experiments.swarm import Ending, Swarm
-from volery.transport.latencies import Constant
-from volery.transport.links import LinkSettings
+from volery.transport.latencies import Constant, Latency, Normal
+from volery.transport.links import DELIVERED, LinkSettings
+from volery.transport.losses import GilbertElliott
+from volery.transport.media import HalfDuplex, Tdma
+
+
+def full_pipeline(latency: Latency) -> LinkSettings:
+    """Every stage of a link at work: TDMA, rate, losses in bursts and a latency."""
+    return LinkSettings(
+        medium=HalfDuplex(access=Tdma(100.0, 200_000)), rate=1e6, loss=(GilbertElliott(0.05, 0.3),), latency=latency
+    )
 
 
 def pulses(
@@ -43,11 +52,12 @@ class Collected:
     def __init__(self) -> None:
         self.reports: dict[str, list[list[float]]] = {}
         self.done: list[dict[str, Any]] = []
-        self.heard = 0
+        self.heard = self.delivered = 0
 
     def __call__(self, batch: Batch) -> None:
         """Take the entries of one agent."""
         self.heard += len(batch.heard)
+        self.delivered += sum(entry.fate == DELIVERED for entry in batch.heard)
         for estimate in batch.estimates:
             self.reports.setdefault(estimate.quantity, []).append(estimate.value)
         self.done += [event for event in batch.events if event["event"] == "done"]
@@ -121,10 +131,33 @@ def startup(agents: int, seconds: float) -> dict[str, float]:
     return asyncio.run(life())
 
 
-def lockstep(scenario: str, overrides: list[str]) -> dict[str, float]:
+def lockstep(agents: int, degree: int, rate: float, seconds: float) -> dict[str, float]:
+    """A ring of agents that talk to every neighbour, in lockstep pace, with a shortest latency of 10 ms.
+
+    Nominal seconds per wall second; processor time of all agents in µs per delivered frame, and in seconds per nominal
+    second; bare promises per frame.
+    """
+    settings = full_pipeline(Normal(13_000_000, 1_000_000, 10_000_000))
+    plan = pulses("bench_agents:Meter", ring(agents, degree), rate, seconds, settings)
+    collected, swarm = run(plan, "lockstep")
+    meters = collected.reports["meter"]
+    measured_s = (end_ns(seconds) - BEGIN_NS) / SECOND_NS
+    return {
+        "speed": _speed(plan, swarm),
+        "cpu_us": cpu_summary(meters)["cpu_us"],
+        "cpu_share": sum(cpu_s for cpu_s, _ in meters) / measured_s,
+        "promises": sum(event["promises"] for event in collected.done) / collected.heard,
+    }
+
+
+def lockstep_scenario(scenario: str, overrides: list[str]) -> dict[str, float]:
     """Nominal seconds per wall second of a scenario in lockstep pace, and memory per agent in MB at its end."""
     plan = compile_plan(load_scenario(scenario, overrides))
     collected, swarm = run(plan, "lockstep")
     pss = sum(event["pss_kb"] for event in collected.done) / len(collected.done) / 1024
-    wall_s = (swarm.over_ns - swarm.begun_ns) / 1e9
-    return {"speed": plan.duration_ns / 1e9 / wall_s, "frames_per_s": collected.heard / wall_s, "pss_mb": pss}
+    promises = sum(event["promises"] for event in collected.done) / collected.heard
+    return {"speed": _speed(plan, swarm), "promises": promises, "pss_mb": pss}
+
+
+def _speed(plan: Plan, swarm: TimedSwarm) -> float:
+    return plan.duration_ns / (swarm.over_ns - swarm.begun_ns)

@@ -137,7 +137,8 @@ class _GilbertElliottStage:
             self._bad = move >= model.to_good
         else:
             self._bad = move < model.to_bad
-        return self._draws.uniform(index) < (model.loss_bad if self._bad else model.loss_good)
+        chance = model.loss_bad if self._bad else model.loss_good
+        return chance == 1.0 or (chance > 0.0 and self._draws.uniform(index) < chance)
 
     def expected(self, index: int, start_ns: int, bits: int) -> float:
         return self._model.mean

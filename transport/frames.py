@@ -8,6 +8,7 @@ it, with the story for each of its targets.
 
 from __future__ import annotations
 
+import struct
 import zlib
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from .links import DELIVERED
 from .propagation import Copy
 
 VERSION = 2
-_HEAD = 5
+_HEAD = struct.Struct("<BI")
 
 
 class DamagedFrame(VoleryError):
@@ -112,7 +113,7 @@ def air_promise(incarnation: int, promise_ns: int, sent: int) -> AirFrame:
 def encode(frame: Message) -> bytes:
     """Bytes of a frame: version, CRC-32 of the body, the body."""
     body: bytes = msgpack.packb(frame)
-    return bytes((VERSION,)) + zlib.crc32(body).to_bytes(4, "little") + body
+    return _HEAD.pack(VERSION, zlib.crc32(body)) + body
 
 
 def decode(data: bytes) -> Message:
@@ -121,10 +122,10 @@ def decode(data: bytes) -> Message:
     Raises:
         DamagedFrame: another version, a wrong checksum, or not a frame.
     """
-    if len(data) <= _HEAD or data[0] != VERSION:
+    if len(data) <= _HEAD.size or data[0] != VERSION:
         raise DamagedFrame(f"frame of {len(data)} bytes, first byte {data[:1].hex() or 'none'}: not version {VERSION}")
-    body = data[_HEAD:]
-    if zlib.crc32(body) != int.from_bytes(data[1:_HEAD], "little"):
+    body = data[_HEAD.size :]
+    if zlib.crc32(body) != _HEAD.unpack_from(data)[1]:
         raise DamagedFrame(f"frame of {len(data)} bytes: the checksum does not fit")
     try:
         fields = msgpack.unpackb(body)

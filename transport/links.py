@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Literal
 
 from ..errors import BadInput
@@ -33,6 +34,7 @@ ACCESS = "access"
 """Fate of a frame whose radio gave up after attempts to get hold of the medium."""
 
 
+@lru_cache(maxsize=1024)
 def duration_ns(bits: int, rate: float) -> int:
     """How long so many bits take at a rate in bit/s, rounded up."""
     exact = Fraction(rate) if rate % 1 else int(rate)

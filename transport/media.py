@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from ..errors import BadInput
@@ -93,12 +94,18 @@ class Tdma:
             )
         cycle = int(ready_ns * self.cycle / 1e9)
         while True:
-            begin, end = period_ns(self.cycle, cycle), period_ns(self.cycle, cycle + 1)
+            begin, end = _cycle_bounds(self.cycle, cycle)
             first = begin + (end - begin) * slot // slots
             last = begin + (end - begin) * (slot + 1) // slots - self.guard - airtime_ns
             if ready_ns <= last and first <= last:
                 return max(ready_ns, first)
             cycle += 1
+
+
+@lru_cache(maxsize=256)
+def _cycle_bounds(cycle_hz: float, cycle: int) -> tuple[int, int]:
+    """Begin and end of a cycle; neighbours in time and place ask for the same ones again and again."""
+    return period_ns(cycle_hz, cycle), period_ns(cycle_hz, cycle + 1)
 
 
 Access = Aloha | SlottedAloha | Tdma | Csma

@@ -72,6 +72,9 @@ class Horizon:
         self._lives: dict[str, int | None] = dict.fromkeys(segments, None if newborn else 0)
         self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
         self._gone: dict[str, int] = {}
+        self._bounds: dict[str, int] = {}
+        for source in segments:
+            self._rebound(source)
 
     def heard(self, source: str, message: Message) -> bool:
         """Take note of a frame or promise; False for one of a life that is over, which counts for nothing.
@@ -96,6 +99,7 @@ class Horizon:
             raise FrameMissing(f"link {source}>{self._name}: {message.sent} frames were sent, {received} have come")
         if message.promise_ns is not None and self._holds(message.promise_ns):
             self._promises[source] = max(self._promises[source], message.promise_ns)
+        self._rebound(source)
         return True
 
     def _holds(self, promise_ns: int) -> bool:
@@ -114,14 +118,17 @@ class Horizon:
     def relink(self, source: str, segments: tuple[Segment, ...]) -> None:
         """A live fault changes the lookahead of a link from an instant that nobody has passed."""
         self._segments[source] = segments
+        self._rebound(source)
 
     def expect(self, source: str, returns: list[tuple[int, int]]) -> None:
         """A neighbour comes back: (life, from when on), for each of its restarts."""
         self._returns[source] = returns
+        self._rebound(source)
 
     def down(self, source: str) -> None:
         """A neighbour is down: it starts nothing until it comes back as expected."""
         self._promises[source] = self.forever_ns()
+        self._rebound(source)
 
     def gone(self, source: str, incarnation: int) -> None:
         """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more."""
@@ -129,6 +136,7 @@ class Horizon:
             self._gone[source] = incarnation
             self._promises[source] = 2 * FOREVER_NS
             self._returns[source] = []
+            self._rebound(source)
 
     def intervene(self, instant_ns: int) -> None:
         """Somebody intervenes at an instant that nobody has passed: promises for ever hold until then only."""
@@ -136,15 +144,17 @@ class Horizon:
         for source, promise_ns in self._promises.items():
             if promise_ns >= FOREVER_NS and source not in self._gone:
                 self._promises[source] = instant_ns
+                self._rebound(source)
 
-    def _bound(self, source: str) -> int:
+    def _rebound(self, source: str) -> None:
+        """Nothing of a neighbour that is yet unheard is due before its bound."""
         due_ns = earliest_due(self._promises[source], self._segments[source])
         returns = (from_ns for life, from_ns in self._returns[source] if not self.knows(source, life))
-        return min([due_ns, *returns])
+        self._bounds[source] = min([due_ns, *returns])
 
     def safe_ns(self) -> int:
         """Every frame due before this instant is here."""
-        return min([FOREVER_NS, *(self._bound(source) for source in self._promises)])
+        return min(self._bounds.values(), default=FOREVER_NS)
 
     def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
         """Those of the sources that may still start something before an instant."""
@@ -153,4 +163,4 @@ class Horizon:
     def blocking(self) -> set[str]:
         """The neighbours that must be heard, every one of them, before `safe_ns` can grow."""
         safe = self.safe_ns()
-        return {source for source in self._promises if self._bound(source) == safe}
+        return {source for source, bound in self._bounds.items() if bound == safe}

@@ -41,6 +41,8 @@ class Transmitter:
             queue and bucket.
         slot: which of the slots of its medium is its own.
         slots: how many there are.
+
+    `settings`: those of its links, in what they agree.
     """
 
     __slots__ = (
@@ -53,12 +55,14 @@ class Transmitter:
         "_slots",
         "_theoretical",
         "_waiting",
+        "settings",
         "transceiver",
         "ways",
     )
 
     def __init__(self, ways: Sequence[Propagation], slot: int = 0, slots: int = EDGE_SLOTS) -> None:
         self.ways = tuple(ways)
+        self.settings = self.ways[0].settings
         self._clock = Clock()
         self.transceiver = Transceiver()
         self._by_target = {way.target: way for way in ways}
@@ -69,14 +73,10 @@ class Transmitter:
         self._waiting: deque[Waiting] = deque()
         self._ahead: deque[int] = deque()
 
-    @property
-    def settings(self) -> LinkSettings:
-        """Those of its links, in what they agree."""
-        return self.ways[0].settings
-
     def change(self, target: str, settings: LinkSettings) -> None:
         """The link to one target has new settings from now on."""
         self._by_target[target].change(settings)
+        self.settings = self.ways[0].settings
         self._head_start = None
 
     def set_clock(self, clock: Clock) -> None:
