@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from heapq import heappop
@@ -19,6 +18,7 @@ from ..transport.media import AIR
 from ..transport.promises import Horizon, lookahead_segments
 from ..transport.timerfd import TimerFd
 from .burning import Burner
+from .mailbox import Mailbox
 from .node import Node
 
 _GRACE_S = 0.1
@@ -49,34 +49,6 @@ class Beginning:
     end_ns: int
     interventions: int = 0
     gone: tuple[tuple[str, int], ...] = ()
-
-
-class Mailbox:
-    """Frames as Zenoh's thread brings them, until the loop takes them in.
-
-    A wake-up of the loop costs more than a frame, so the pacers let it sleep until a frame matters.
-    """
-
-    LIMIT = 200_000
-
-    def __init__(self) -> None:
-        self._frames: deque[tuple[str, Message]] = deque()
-        self.overflowed = 0
-
-    def put(self, source: str, frame: Message) -> None:
-        """Keep a frame; called on Zenoh's thread. One too many is lost, and counted."""
-        if len(self._frames) < self.LIMIT:
-            self._frames.append((source, frame))
-        else:
-            self.overflowed += 1
-
-    def take(self) -> list[tuple[str, Message]]:
-        """All frames that are here, in the order in which they came; called on the loop."""
-        return [self._frames.popleft() for _ in range(len(self._frames))]
-
-    def __bool__(self) -> bool:
-        """Whether there is mail."""
-        return bool(self._frames)
 
 
 class Realtime:

@@ -1,0 +1,35 @@
+"""The mailbox of a process: what Zenoh's thread leaves for the loop."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from ..transport.frames import Message
+
+
+class Mailbox:
+    """Frames as Zenoh's thread brings them, until the loop takes them in.
+
+    A wake-up of the loop costs more than a frame, so the pacers let it sleep until a frame matters.
+    """
+
+    LIMIT = 200_000
+
+    def __init__(self) -> None:
+        self._frames: deque[tuple[str, Message]] = deque()
+        self.overflowed = 0
+
+    def put(self, source: str, frame: Message) -> None:
+        """Keep a frame; called on Zenoh's thread. One too many is lost, and counted."""
+        if len(self._frames) < self.LIMIT:
+            self._frames.append((source, frame))
+        else:
+            self.overflowed += 1
+
+    def take(self) -> list[tuple[str, Message]]:
+        """All frames that are here, in the order in which they came; called on the loop."""
+        return [self._frames.popleft() for _ in range(len(self._frames))]
+
+    def __bool__(self) -> bool:
+        """Whether there is mail."""
+        return bool(self._frames)
