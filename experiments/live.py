@@ -76,12 +76,12 @@ class Injector:
         If some agent was too slow they are armed anew for a later instant, as long as they have no effect anywhere yet.
         """
         swarm = self._swarm
+        held_ns = await self._hold() if swarm.pace == "lockstep" else 0
         for draft in drafted:
             if isinstance(draft, Kill):
                 swarm.expect_kill(draft.agent)
-        held = (await swarm.order({"do": "hold"})).values() if swarm.pace == "lockstep" else []
         for _ in range(_TRIES):
-            at_ns = max(held) + 1 if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
+            at_ns = held_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
             in_time = await self._tell(faults, at_ns)
             if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
@@ -92,6 +92,22 @@ class Injector:
             self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
         self._say_if_late(faults, at_ns, in_time=in_time)
         return at_ns, faults
+
+    async def _hold(self) -> int:
+        """Let everybody stand still, in lockstep pace; the first instant of which nobody has said anything yet.
+
+        Raises:
+            BadInput: there is none for somebody who has no living neighbour to wait for, and is at the end already.
+        """
+        answers = await self._swarm.order({"do": "hold"})
+        mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
+        absent = self._swarm.status.alive - mortal - {name for name, _ in answers}
+        instant_ns: int = max(answers.values()) + 1
+        if absent or instant_ns >= self._swarm.end_ns:
+            await self._swarm.order({"do": "release"})
+            who = f"agent {', '.join(sorted(absent))} does" if absent else "somebody has no neighbour alive and does"
+            raise BadInput(f"{who} not wait for others: there is no instant that all have still before them")
+        return instant_ns
 
     async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         self._swarm.interventions += self._swarm.pace == "lockstep"
@@ -184,18 +200,23 @@ class Injector:
 
     async def _end(self, faults: Sequence[Fault]) -> None:
         """End faults at one instant; a new process stands by for each agent that comes back then."""
-        revived = [
-            (await self._swarm.restarts.standby(fault.agent), fault) for fault in faults if isinstance(fault, Kill)
-        ]
-        async with self._swarm.intervening:
-            await self._end_now(faults, revived)
-
-    async def _end_now(self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]]) -> None:
-        swarm = self._swarm
-        if swarm.pace == "lockstep":
-            until_ns = max((await swarm.order({"do": "hold"})).values()) + 1
+        if self._swarm.pace == "lockstep":
+            async with self._swarm.intervening:
+                until_ns = await self._hold()
+                await self._end_at(faults, await self._standbys(faults), until_ns)
         else:
-            until_ns = swarm.ahead_ns(self._ahead_s())
+            revived = await self._standbys(faults)
+            async with self._swarm.intervening:
+                await self._end_at(faults, revived, self._swarm.ahead_ns(self._ahead_s()))
+
+    async def _standbys(self, faults: Sequence[Fault]) -> list[tuple[tuple[str, int], Kill]]:
+        kills = [fault for fault in faults if isinstance(fault, Kill)]
+        return [(await self._swarm.restarts.standby(kill.agent), kill) for kill in kills]
+
+    async def _end_at(
+        self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]], until_ns: int
+    ) -> None:
+        swarm = self._swarm
         ended = [replace(fault, until_ns=until_ns) for fault in faults]
         in_time = await self._tell(ended, until_ns)
         self._faults.update({fault.id: fault for fault in ended})
