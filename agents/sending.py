@@ -127,7 +127,7 @@ class Sending:
     def _contend(self, contention: Contention, from_ns: int) -> None:
         """Listen for the frame at the head of the queue, if none is in hand."""
         if contention.idle and self.outlets[AIR].waiting():
-            self._listen(contention.begin(max(from_ns, self.outlets[AIR].free_at)))
+            self._listen(contention.begin(self.outlets[AIR].head_ready(from_ns)))
 
     def _listen(self, until_ns: int) -> None:
         self._count += 1
@@ -153,6 +153,9 @@ class Sending:
         if self._node.dead or contention is None or contention.start_ns != event[TIME]:
             return
         contention.started()
+        if self.outlets[AIR].head_ready(event[TIME]) > event[TIME]:
+            self._contend(contention, event[TIME])
+            return
         transmission = self.outlets[AIR].transmit(event[TIME])
         self._contend(contention, event[TIME])
         self._transmit(AIR, transmission)
@@ -175,6 +178,7 @@ class Sending:
         if start is None or start > now_ns:
             self._come_back(name, start)
             return
+        self.awaited.pop(name, None)
         transmission = outlet.transmit(now_ns)
         self._come_back(name, outlet.next_start(now_ns))
         self._transmit(name, transmission)
@@ -228,13 +232,18 @@ class Sending:
             self._set_access()
             if self.contention is not None:
                 self._contend(self.contention, self._node.now_ns)
-        self._come_back(name, self.outlets[name].next_start(self._node.now_ns))
+        self._start_anew(name)
 
     def set_clock(self, clock: Clock) -> None:
         """Slots follow another reading from now on."""
         for name, outlet in self.outlets.items():
             outlet.set_clock(clock)
-            self._come_back(name, outlet.next_start(self._node.now_ns))
+            self._start_anew(name)
+
+    def _start_anew(self, name: str) -> None:
+        """The next start is another, perhaps a later one, than it was."""
+        self.awaited.pop(name, None)
+        self._come_back(name, self.outlets[name].next_start(self._node.now_ns))
 
     def earliest_starts(self, ready_ns: Mapping[str, int]) -> dict[str, int]:
         """Outlet → earliest start of a frame in hand, or not offered before an instant; for ever stays for ever."""

@@ -87,16 +87,24 @@ class Transmitter:
     def offer(self, now_ns: int, targets: Collection[str], payload: bytes, stream: str = "") -> Numbered:
         """Put a frame into the queue; what its policy throws out, in order.
 
-        A frame that was transmitted ahead of its start takes up room until then. The caller has checked the size
-        against the MTU.
+        A frame that was transmitted ahead of its start takes up room until then: it leaves after the first frame that
+        is offered at that instant has come. The caller has checked the size against the MTU.
         """
-        while self._ahead and self._ahead[0] <= now_ns:
+        self._make_room(now_ns)
+        thrown_out = self._put(Waiting(self.count(targets), payload, stream))
+        self._make_room(now_ns + 1)
+        return thrown_out
+
+    def _make_room(self, before_ns: int) -> None:
+        """Forget what was transmitted ahead and has started before an instant."""
+        while self._ahead and self._ahead[0] < before_ns:
             self._ahead.popleft()
-        newcomer = Waiting(self.count(targets), payload, stream)
+
+    def _put(self, newcomer: Waiting) -> Numbered:
         queue = self.settings.queue
         if queue.policy == "latest":
             for place, waiting in enumerate(self._waiting):
-                if waiting.stream == stream and {name for name, _ in waiting.targets} == set(targets):
+                if waiting.stream == newcomer.stream and dict(waiting.targets).keys() == dict(newcomer.targets).keys():
                     self._waiting[place] = newcomer
                     self._head_start = None
                     return waiting.targets
@@ -132,12 +140,17 @@ class Transmitter:
         """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
         return self._start(ready_ns, 0)
 
-    def _start(self, ready_ns: int, payload_bytes: int) -> int:
+    def _ready(self, ready_ns: int, payload_bytes: int) -> int:
+        """When the last frame has left, and the token bucket lets one of this size pass."""
         settings = self.settings
         ready = max(ready_ns, self._free_at)
         if settings.bucket is not None:
             bits = settings.bits(payload_bytes)
             ready = max(ready, self._theoretical + duration_ns(bits, settings.bucket.rate) - self._burst_ns(settings))
+        return ready
+
+    def _start(self, ready_ns: int, payload_bytes: int) -> int:
+        ready, settings = self._ready(ready_ns, payload_bytes), self.settings
         medium = settings.medium
         if isinstance(medium, FullDuplex):
             return ready
@@ -163,10 +176,9 @@ class Transmitter:
         self._head_start = None
         return self._waiting.popleft().targets
 
-    @property
-    def free_at(self) -> int:
-        """When the frame that was started last has left."""
-        return self._free_at
+    def head_ready(self, now_ns: int) -> int:
+        """When the frame at the head of the queue may contend for its medium, from an instant on."""
+        return self._ready(now_ns, len(self._waiting[0].payload))
 
     def transmit_ahead(self, start_ns: int) -> Transmission:
         """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""

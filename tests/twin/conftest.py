@@ -19,7 +19,7 @@ from volery.experiments.twin import Twin
 from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
-from volery.transport.links import LinkSettings, Queue
+from volery.transport.links import Bucket, LinkSettings, Queue
 from volery.transport.losses import Bernoulli, BitError, Frames, GilbertElliott, GilbertElliottTime, LossTrace
 from volery.transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 from volery.units import period_ns
@@ -321,6 +321,18 @@ def _come_and_go(plan: Plan, seed: int) -> Plan:
 def come_and_go() -> Callable[[Plan, int], Plan]:
     """Let most edges of a plan come and go, at whole milliseconds."""
     return _come_and_go
+
+
+def _with_buckets(plan: Plan, seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    bucket = Bucket(float(_one(rng, 4000.0, 20_000.0, 100_000.5)), int(rng.integers(50, 120)))
+    return replace(plan, links={link: replace(settings, bucket=bucket) for link, settings in plan.links.items()})
+
+
+@pytest.fixture
+def with_buckets() -> Callable[[Plan, int], Plan]:
+    """Put one token bucket, as it is drawn, on every link of a plan."""
+    return _with_buckets
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from volery.experiments.accounting import account
 from volery.experiments.record import Record
 from volery.transport.csma import Csma
 from volery.transport.latencies import Constant
-from volery.transport.links import LinkSettings, Queue
+from volery.transport.links import Bucket, LinkSettings, Queue
 from volery.transport.media import HalfDuplex
 
 US = 1_000
@@ -145,3 +145,13 @@ def test_a_waiting_frame_contends_when_the_own_one_has_left(calls: Calls) -> Non
     begins = OFFER_NS + CCA_NS + TURNAROUND_NS
     assert starts(record, "1") == [begins, begins + AIRTIME_NS + CCA_NS + TURNAROUND_NS]
     assert fates(record, "2") == {"1": ["delivered", "delivered"]}
+
+
+def test_a_bucket_holds_carrier_sense_back(plan_of: Any, twin_run: Callable[[Plan], Record]) -> None:
+    """A bucket of one frame fills in 100 ms: the second of two frames contends only then, the first at once."""
+    medium = HalfDuplex("node", Csma(min_be=0, max_be=0))
+    settings = LinkSettings(medium=medium, rate=80e3, latency=Constant(0), bucket=Bucket(3200.0, 40))
+    parameters = {"1": CallerParameters((OFFER_NS, OFFER_NS + MS)), "2": CallerParameters()}
+    record = twin_run(plan_of(PAIR, Caller, settings, (), 300, parameters=parameters, compute_ns=0))
+    first = OFFER_NS + CCA_NS + TURNAROUND_NS
+    assert starts(record, "1") == [first, first + 100 * MS + CCA_NS + TURNAROUND_NS]
