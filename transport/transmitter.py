@@ -51,6 +51,7 @@ class Transmitter:
         "_clock",
         "_free_at",
         "_head_start",
+        "_next_start",
         "_slot",
         "_slots",
         "_theoretical",
@@ -70,6 +71,7 @@ class Transmitter:
         self._free_at = 0
         self._theoretical = 0
         self._head_start: int | None = None
+        self._next_start: tuple[int, int] | None = None
         self._waiting: deque[Waiting] = deque()
         self._ahead: deque[int] = deque()
 
@@ -77,12 +79,12 @@ class Transmitter:
         """The link to one target has new settings from now on."""
         self._by_target[target].change(settings)
         self.settings = self.ways[0].settings
-        self._head_start = None
+        self._head_start = self._next_start = None
 
     def set_clock(self, clock: Clock) -> None:
         """Slots follow another reading from now on."""
         self._clock = clock
-        self._head_start = None
+        self._head_start = self._next_start = None
 
     def offer(self, now_ns: int, targets: Collection[str], payload: bytes, stream: str = "") -> Numbered:
         """Put a frame into the queue; what its policy throws out, in order.
@@ -137,8 +139,13 @@ class Transmitter:
         return self._head_start
 
     def earliest_next(self, ready_ns: int) -> int:
-        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace."""
-        return self._start(ready_ns, 0)
+        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace.
+
+        It is asked for the same instant again and again, while frames come in.
+        """
+        if self._next_start is None or self._next_start[0] != ready_ns:
+            self._next_start = ready_ns, self._start(ready_ns, 0)
+        return self._next_start[1]
 
     def _ready(self, ready_ns: int, payload_bytes: int) -> int:
         """When the last frame has left, and the token bucket lets one of this size pass."""
@@ -192,7 +199,7 @@ class Transmitter:
         time of the next frame moves on by a frame's length at the bucket's rate.
         """
         targets, payload, _ = self._waiting.popleft()
-        self._head_start = None
+        self._head_start = self._next_start = None
         settings = self.settings
         bits, airtime = settings.bits(len(payload)), settings.airtime_ns(len(payload))
         end = self._free_at = now_ns + airtime

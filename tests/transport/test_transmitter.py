@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -41,6 +42,20 @@ def test_rate_is_what_was_asked_for() -> None:
             assert start is not None
             now = start + link.transmit(start).airtime_ns
         assert 200 * 500 / (now / 1e9) == pytest.approx(rate, rel=0.005)
+
+
+def test_the_earliest_next_start_follows_what_has_changed_since_it_was_asked_for() -> None:
+    """A frame that was transmitted, new settings and another clock each count at once."""
+    settings = LinkSettings(medium=HalfDuplex(access=Tdma(100.0)), rate=1e6)
+    link = Transmitter([way(settings)])
+    assert link.earliest_next(0) == 0
+    link.offer(0, ("2",), b"x" * 125)
+    link.transmit(0)
+    assert link.earliest_next(0) == MS
+    link.change("2", replace(settings, medium=HalfDuplex(access=SlottedAloha(2 * MS))))
+    assert link.earliest_next(0) == 2 * MS
+    link.set_clock(Clock([ClockFault("c", 0, None, "1", MS // 2, 0)]))
+    assert link.earliest_next(0) == 2 * MS - MS // 2
 
 
 @given(st.lists(st.tuples(st.integers(0, 30 * MS), st.integers(1, 90)), min_size=1, max_size=40))

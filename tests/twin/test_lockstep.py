@@ -26,8 +26,8 @@ from volery.experiments.verify import compare, replay
 from volery.transport.faults import Fault, Kill, LinkFault, Pause, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
 from volery.transport.latencies import Constant
-from volery.transport.links import CUT
-from volery.transport.media import AIR, Aloha, FullDuplex, HalfDuplex
+from volery.transport.links import CUT, LinkSettings
+from volery.transport.media import AIR, Aloha, FullDuplex, HalfDuplex, Tdma
 
 if TYPE_CHECKING:
     from asyncio import AbstractEventLoop
@@ -251,6 +251,19 @@ def test_lockstep_equals_the_twin(
     network = Network(plan, seed)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_carry_the_promises_of_an_agent_that_acts_on_timers(seed: int, plan_of: Any, talker: Any) -> None:
+    """Each frame promises as far as the next one, so that a link needs one bare promise, at the beginning."""
+    names = "12345678"
+    settings = LinkSettings(medium=HalfDuplex(access=Tdma(100.0, 200_000)), rate=1e6, latency=Constant(10 * MS))
+    plan = plan_of(list(zip(names, names[1:] + names[0], strict=True)), talker, settings, duration_ms=1000)
+    network = Network(plan, seed)
+    network.start()
+    record = network.finish()
+    assert sum(len(batch.sent) for batch in record.batches.values()) > 30 * len(plan.links)
+    assert sum(pacer.promises for pacer in network.pacers.values()) == len(plan.links)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
