@@ -95,9 +95,16 @@ class Hearing:
         self._held.setdefault(source, [])
 
     def release(self, source: str) -> None:
-        """Frames that waited arrive now, in their order."""
-        for event in self._held.pop(source, ()):
-            self._on_arrival((max(event[TIME], self._node.now_ns), *event[1:]))
+        """Frames that waited arrive at this instant, in their order, once all faults of it have begun or ended."""
+        if source in self._held:
+            self._node.schedule(self._node.now_ns, FRAME, source, -1, self._on_release, None)
+
+    def _on_release(self, event: Event) -> None:
+        source = event[SOURCE]
+        if self._node.dead or self._node.holds(source):
+            return
+        for held in self._held.pop(source, ()):
+            self._on_arrival((event[TIME], *held[1:]))
 
     def finish(self) -> None:
         """Write down which frames are still held back."""

@@ -94,7 +94,7 @@ class Node:
         self.in_frame = False
         self.hogged = 0.0
         self._last: Event = (start_ns, FAULT, "", -1, 0, index, self._on_fault, None)
-        self._waiting: list[tuple[Event, Callable[[Event], None]]] | None = None
+        self._waiting: list[tuple[Event, int, Callable[[Event], None]]] | None = None
         self._timers: dict[int, tuple[int, Timer]] = {}
         self._count = 0
         self._changes_ns: set[int] = set()
@@ -109,6 +109,8 @@ class Node:
     def _begin(self, start_ns: int) -> None:
         for fault in self.plan.faults:
             self.arm(fault)
+        self._read_clock()
+        self.event_ns = self.clock.reading(start_ns)
         for number, time_ns in enumerate(self.plan.graph_changes(self.name)):
             if time_ns > start_ns:
                 self._changes_ns.add(time_ns)
@@ -151,7 +153,7 @@ class Node:
     def _sense(self, event: Event) -> None:
         sensor, _, index = event[DATA]
         value = measured(self.plan, self.faults.values(), self.name, sensor, index)
-        self.agent.on_sample(Sample(sensor, index, self.clock.reading(event[TIME]), value))
+        self.agent.on_sample(Sample(sensor, index, self.event_ns, value))
 
     def clock_jumps(self) -> bool:
         """Whether the agent's own clock may have jumped over an instant that it planned for."""
@@ -184,14 +186,11 @@ class Node:
             return
         if self._waiting is not None:
             self.now_ns = max(self.now_ns, event[TIME])
-            self._waiting.append((event, act))
+            self._waiting.append((event, self.clock.reading(event[TIME]), act))
             return
         if event > self._last:
             self._last = event
             self.now_ns = event[TIME]
-        self._handle(event, act)
-
-    def _handle(self, event: Event, act: Callable[[Event], None]) -> None:
         self.event_ns = self.clock.reading(event[TIME])
         act(event)
 
@@ -205,7 +204,7 @@ class Node:
         """Hand a frame to the agent; its stamp is that of the agent's own clock."""
         frame: Frame = event[DATA]
         self.in_frame = True
-        self.agent.on_frame(Received(event[SOURCE], frame.payload, self.clock.reading(event[TIME])))
+        self.agent.on_frame(Received(event[SOURCE], frame.payload, self.event_ns))
         self.in_frame = False
 
     def transmit_ahead(self, before_ns: int) -> None:
@@ -275,8 +274,12 @@ class Node:
             elif target == self.name and "hold" in fault.changes:
                 self._hold_or_release(source)
 
+    def holds(self, source: str) -> bool:
+        """Whether the link from a neighbour holds frames back now."""
+        return self._effective((source, self.name)).hold
+
     def _hold_or_release(self, source: str) -> None:
-        if self._effective((source, self.name)).hold:
+        if self.holds(source):
             self.hearing.hold(source)
         else:
             self.hearing.release(source)
@@ -294,11 +297,14 @@ class Node:
 
     def _set_clock(self) -> None:
         """Another reading from now on: pending timers are armed anew."""
-        faults = (fault for fault in self.faults.values() if isinstance(fault, ClockFault))
-        self.clock = Clock(fault for fault in faults if fault.in_force(self.now_ns))
+        self._read_clock()
         self.sending.set_clock(self.clock)
         for count, (_, timer) in list(self._timers.items()):
             self._arm_timer(count, timer)
+
+    def _read_clock(self) -> None:
+        faults = (fault for fault in self.faults.values() if isinstance(fault, ClockFault))
+        self.clock = Clock(fault for fault in faults if fault.in_force(self.now_ns))
 
     def _die(self, kill: Kill) -> None:
         self.finish()
@@ -315,8 +321,9 @@ class Node:
             self._waiting = self._waiting or []
         elif self._waiting is not None:
             waiting, self._waiting = self._waiting, None
-            for event, act in sorted(waiting, key=itemgetter(0)):
-                self._handle(event, act)
+            for event, reading_ns, act in sorted(waiting, key=itemgetter(0)):
+                self.event_ns = reading_ns
+                act(event)
 
     # -- the end, and what can be promised ----------------------------------------------------------------------
 

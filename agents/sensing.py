@@ -21,33 +21,28 @@ def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index
     """The sensor's index-th sample, None where it sees nothing.
 
     Faults in force when the sample is taken change it one after another, in the order in which they began: failed gives
-    nothing, stuck the last sample before its start, bias z + b, noise z + b·n with n ~ N(0, I), spikes z ± b with the
-    fault's probability.
+    nothing, stuck the last sample before its start as the faults of then left it, bias z + b, noise z + b·n with
+    n ~ N(0, I), spikes z ± b with the fault's probability.
 
     Raises:
         BadInput: a fault's size has another number of components than the sensor.
     """
     assert plan.world is not None
     rate = plan.world.sensors(agent)[sensor]
-    time_ns = period_ns(rate, index)
-    mine = sorted(
-        (
-            fault
-            for fault in faults
-            if isinstance(fault, SensorFault)
-            and (fault.agent, fault.sensor) == (agent, sensor)
-            and fault.in_force(time_ns)
-        ),
-        key=lambda fault: (fault.at_ns, fault.id),
-    )
-    for fault in mine:
-        if fault.trouble == "failed":
-            return None
-        if fault.trouble == "stuck":
-            index = first_period(rate, fault.at_ns) - 1
-            if index < 0:
-                return None
-    value = plan.world.measure(agent, sensor, index)
+    ours = [
+        fault for fault in faults if isinstance(fault, SensorFault) and (fault.agent, fault.sensor) == (agent, sensor)
+    ]
+    mine = [fault for fault in ours if fault.in_force(period_ns(rate, index))]
+    mine.sort(key=lambda fault: (fault.at_ns, fault.id))
+    if any(fault.trouble == "failed" for fault in mine):
+        return None
+    stuck = max((place for place, fault in enumerate(mine) if fault.trouble == "stuck"), default=None)
+    if stuck is None:
+        value = plan.world.measure(agent, sensor, index)
+    else:
+        last = first_period(rate, mine[stuck].at_ns) - 1
+        value = measured(plan, ours, agent, sensor, last) if last >= 0 else None
+        mine = mine[stuck + 1 :]
     if value is not None:
         for fault in mine:
             value = _disturbed(plan.seed, fault, value, index)
@@ -55,8 +50,6 @@ def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index
 
 
 def _disturbed(seed: int, fault: SensorFault, value: NDArray[np.float64], index: int) -> NDArray[np.float64]:
-    if fault.trouble not in ("bias", "noise", "spikes"):
-        return value
     size: NDArray[np.float64] = np.asarray(fault.size, dtype=np.float64)
     if len(size) not in (1, value.size):
         raise BadInput(

@@ -15,10 +15,11 @@ import numpy as np
 from ..transport.faults import LinkName
 from ..transport.links import DELIVERED
 from .record import Record
-from .stories import IN_FLIGHT, MISSING, QUEUE, REFUSED, UNKNOWN, Story, stories
+from .stories import ACCESS, IN_FLIGHT, MISSING, QUEUE, REFUSED, SENDER_DOWN, UNKNOWN, Story, stories
 
 NOT_LOST = {REFUSED, QUEUE, DELIVERED, UNKNOWN, IN_FLIGHT, MISSING}
 """Fates that are no loss on the link; every other is the cause of one."""
+_NEVER_ON_AIR = {ACCESS, SENDER_DOWN}
 _QUANTILES = (0.5, 0.99, 1.0)
 
 
@@ -51,8 +52,8 @@ class LinkAccount:
 
     @property
     def transmitted(self) -> int:
-        """Frames that were put on the air and whose fate is known: delivered or lost."""
-        return self.delivered + sum(self.lost.values())
+        """Frames that were put on the air and whose fate is known: delivered, or lost on their way."""
+        return self.delivered + sum(count for cause, count in self.lost.items() if cause not in _NEVER_ON_AIR)
 
     @property
     def delivered_fraction(self) -> float:
@@ -62,7 +63,7 @@ class LinkAccount:
     @property
     def closes(self) -> bool:
         """Whether every offered frame has exactly one fate and nothing is missing or contradicted."""
-        known = self.refused + self.queue + self.transmitted + self.unknown + self.in_flight
+        known = self.refused + self.queue + sum(self.lost.values()) + self.delivered + self.unknown + self.in_flight
         return self.offered + self.duplicated == known and not self.missing and not self.contradicted
 
 

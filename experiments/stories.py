@@ -58,7 +58,8 @@ class _Told:
     dropped: dict[Number, Dropped] = field(default_factory=dict)
     queued: set[Number] = field(default_factory=set)
     heard: dict[Number, Heard] = field(default_factory=dict)
-    held: set[Number] = field(default_factory=set)
+    held: dict[Number, int] = field(default_factory=dict)
+    """Number → the life of the receiver that held it back to the last."""
     late: dict[Number, Late] = field(default_factory=dict)
     twice: set[Number] = field(default_factory=set)
 
@@ -114,7 +115,7 @@ def _gather(record: Record) -> dict[tuple[LinkName, int], _Told]:
                 told[(agent, event["target"]), incarnation].queued |= waiting
             elif event["event"] == "held":
                 numbers = {(sequence, copy) for sequence, copy in event["sequences"]}
-                told[(event["source"], agent), event["incarnation"]].held |= numbers
+                told[(event["source"], agent), event["incarnation"]].held |= dict.fromkeys(numbers, incarnation)
     return told
 
 
@@ -182,15 +183,11 @@ class _Court:
         if number in told.queued:
             return SENDER_DOWN if self._killed[link[0]] > incarnation else IN_FLIGHT
         if number in told.held:
-            return IN_FLIGHT if self._lives_on(link[1]) else RECEIVER_DOWN
+            return RECEIVER_DOWN if self._killed[link[1]] > told.held[number] else IN_FLIGHT
         broken = (link[0], incarnation) in self._broken_off
         if number in told.sent:
             return self._unheard(link[1], told.sent[number], last=number[0] > told.last_heard, broken=broken)
         return UNKNOWN if broken and number[0] > told.last_told else MISSING
-
-    def _lives_on(self, agent: str) -> bool:
-        """Whether no fault has killed an agent: what a link holds back for it is on its way still."""
-        return not self._killed[agent]
 
     def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:
         """The fate of a frame that was sent and that nobody wrote down as heard.

@@ -16,7 +16,7 @@ from volery.agents.sending import FrameTooLarge
 from volery.errors import BadInput
 from volery.transport import fabric
 from volery.transport.events import Event
-from volery.transport.faults import ClockFault, Fault, Pause
+from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.frames import Frame, Message
 from volery.transport.links import LinkSettings, Queue
 
@@ -138,6 +138,48 @@ def test_frames_that_come_in_any_order_during_a_pause_are_sorted() -> None:
     bench.until(51)
     assert bench.agent.heard == [(str(due), due * MS, 50 * MS) for due in (10, 15, 20)]
     assert bench.node.journal.late == []
+
+
+def test_what_waits_is_stamped_with_the_clock_of_its_arrival() -> None:
+    """A clock that jumps while the processor stands still does not change when a frame has come."""
+    faults = Pause("t1", 5 * MS, 50 * MS, "1"), ClockFault("t2", 20 * MS, None, "1", 300 * MS)
+    bench = Bench(Listener, None, *faults)
+    for due in (10, 30):
+        bench.frame(due, str(due), sequence=due)
+    bench.until(51)
+    assert bench.agent.heard == [("10", 10 * MS, 350 * MS), ("30", 330 * MS, 350 * MS)]
+
+
+def test_a_new_life_reads_its_own_clock_from_the_start() -> None:
+    """A clock that is wrong already when an agent comes to life is what its first timers go by."""
+    bench = Bench(Listener, None, ClockFault("t1", 5 * MS, None, "1", 300 * MS))
+    heap: list[Event] = []
+    node = Node(bench.plan, "1", heap, lambda *_: None, incarnation=1, start_ns=10 * MS)
+    assert node.agent.context.now_ns == 310 * MS
+    node.agent.context.set_timer(320 * MS, "soon")
+    fabric.run(heap, 21 * MS)
+    assert isinstance(node.agent, Listener)
+    assert node.agent.heard == [("soon", 320 * MS, 320 * MS)]
+
+
+def test_frames_are_released_after_the_faults_of_that_instant_and_in_order() -> None:
+    """A hold that ends when a pause begins lets frames go into the pause, and those of one instant keep their order."""
+    hold = LinkFault("t1", 0, 50 * MS, (("3", "1"), ("2", "1")), {"hold": True})
+    bench = Bench(Listener, None, hold, Pause("t2", 50 * MS, 60 * MS, "1"))
+    for source in "32":
+        bench.frame(10, source, source)
+    bench.until(61)
+    assert bench.agent.heard == [("2", 50 * MS, 60 * MS), ("3", 50 * MS, 60 * MS)]
+
+
+def test_what_is_released_at_the_instant_of_a_death_was_held_to_the_last() -> None:
+    """Nobody hears it any more, and the journal tells."""
+    hold = LinkFault("t1", 0, 50 * MS, (("2", "1"),), {"hold": True})
+    bench = Bench(Listener, None, hold, Kill("t2", 50 * MS, None, "1"))
+    bench.frame(10)
+    bench.until(61)
+    held = {"event": "held", "source": "2", "incarnation": 0, "sequences": [(0, 0)]}
+    assert bench.node.journal.events == [held, {"event": "killed", "time_ns": 50 * MS}]
 
 
 def test_a_frame_from_before_its_life_is_not_heard() -> None:

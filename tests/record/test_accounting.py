@@ -137,6 +137,30 @@ def test_waiting_frames_of_a_killed_sender_are_lost(record_of: Make) -> None:
     assert one.lost == {"sender-down": 2}
 
 
+@pytest.mark.parametrize(("life", "lost", "in_flight"), [(0, {"receiver-down": 1}, 0), (1, {}, 1)])
+def test_held_frames_are_lost_with_the_life_that_held_them(
+    record_of: Make, sent: Make, life: int, lost: dict[str, int], in_flight: int
+) -> None:
+    """A frame that a later life of its receiver still holds back at the end is on its way."""
+    held = {"event": "held", "source": "1", "incarnation": 0, "sequences": [[0, 0]]}
+    receiver = Batch("2", life, events=[held])
+    at_ms = 70 if life else 10
+    kill = Kill("t1", 50 * MS, 60 * MS, "2")
+    one = of_link(record_of(Batch("1", 0, sent=[sent(0, at_ms)]), receiver, faults=(kill,)))
+    assert one.closes
+    assert (one.lost, one.in_flight) == (lost, in_flight)
+
+
+def test_what_never_was_on_the_air_does_not_count_as_transmitted(record_of: Make, sent: Make, heard: Make) -> None:
+    """A radio that gave up and a queue that died with its agent say nothing of the link's losses."""
+    sender = Batch("1", 0, sent=[sent(0, 0)], dropped=[Dropped("2", 1, 10 * MS, "access")])
+    sender.events.append({"event": "queued", "target": "2", "sequences": [2]})
+    one = of_link(record_of(sender, Batch("2", 0, heard=[heard(0, 0)]), faults=(Kill("t1", 60 * MS, None, "1"),)))
+    assert one.closes
+    assert one.lost == {"access": 1, "sender-down": 1}
+    assert (one.transmitted, one.delivered_fraction) == (1, 1.0)
+
+
 @pytest.mark.parametrize("who", ["1", "2"])
 def test_kill_from_outside_leaves_the_unknown(record_of: Make, sent: Make, heard: Make, who: str) -> None:
     """After an end was killed from outside nobody can tell what became of its last frames; earlier gaps are missing."""
