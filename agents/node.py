@@ -111,6 +111,8 @@ class Node:
             self.arm(fault)
         self._read_clock()
         self.event_ns = self.clock.reading(start_ns)
+        for source in self.neighbours:
+            self._hold_or_release(source)
         for number, time_ns in enumerate(self.plan.graph_changes(self.name)):
             if time_ns > start_ns:
                 self._changes_ns.add(time_ns)

@@ -172,6 +172,16 @@ def test_frames_are_released_after_the_faults_of_that_instant_and_in_order() -> 
     assert bench.agent.heard == [("2", 50 * MS, 60 * MS), ("3", 50 * MS, 60 * MS)]
 
 
+def test_a_link_that_always_holds_frames_back_does_so_without_a_fault() -> None:
+    """What its own settings say counts from the start; a fault that says otherwise lets them go."""
+    free = LinkFault("t1", 50 * MS, None, (("2", "1"),), {"hold": False})
+    bench = Bench(Listener, LinkSettings(hold=True), free)
+    for source in "23":
+        bench.frame(10, source, source)
+    bench.until(61)
+    assert bench.agent.heard == [("2", 50 * MS, 50 * MS)]
+
+
 def test_what_is_released_at_the_instant_of_a_death_was_held_to_the_last() -> None:
     """Nobody hears it any more, and the journal tells."""
     hold = LinkFault("t1", 0, 50 * MS, (("2", "1"),), {"hold": True})
