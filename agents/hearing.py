@@ -9,7 +9,7 @@ from ..transport.events import DATA, FRAME, SOURCE, TIME, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import DELIVERED, fate
 from ..transport.media import AIR, Ether
-from .journal import Heard, Late
+from .journal import LAST_HEARD, Heard, Late
 
 if TYPE_CHECKING:
     from .node import Node
@@ -27,12 +27,15 @@ class Hearing:
         self._settled: deque[tuple[int, int, str, Frame]] = deque(maxlen=_SETTLED_KEPT)
         self._settled_end_ns = 0
         self._held: dict[str, list[Event]] = {}
+        self._transmissions: dict[tuple[str, int], int] = {}
+        self._gone: set[tuple[str, int]] = set()
 
     def receive(self, source: str, message: Message) -> None:
         """Take in a message as soon as the network has it; a frame is handled when it is due, or at once if it is late.
 
         A frame that started before this incarnation came to life is none of its business.
         """
+        self._transmissions[source, message.incarnation] = message.sent
         if message.start_ns < self._node.start_ns:
             return
         if isinstance(message, Frame):
@@ -106,8 +109,22 @@ class Hearing:
         for held in self._held.pop(source, ()):
             self._on_arrival((event[TIME], *held[1:]))
 
+    # -- lives that somebody ends from outside, and the own end -----------------------------------------------------
+
+    def gone(self, source: str, incarnation: int) -> None:
+        """A neighbour was killed from outside: how much of it was heard is written down, now and at the end."""
+        self._gone.add((source, incarnation))
+        self._note_last(source, incarnation)
+
+    def _note_last(self, source: str, incarnation: int) -> None:
+        sent = self._transmissions.get((source, incarnation), 0)
+        entry = {"event": LAST_HEARD, "source": source, "incarnation": incarnation, "sent": sent}
+        self._node.journal.events.append(entry)
+
     def finish(self) -> None:
         """Write down which frames are still held back."""
+        for life in sorted(self._gone):
+            self._note_last(*life)
         for source, events in self._held.items():
             lives: dict[int, list[tuple[int, int]]] = {}
             for event in events:

@@ -8,6 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+LAST_HEARD = "last-heard"
+"""Event: how many transmissions of a life that was ended from outside have come."""
+
 
 class Estimate(NamedTuple):
     """A quantity that an agent reported: `sample` is the one it belongs to, `value` a flat vector."""

@@ -22,6 +22,7 @@ from ..transport.events import (
     FOREVER_NS,
     HANDLER,
     OFFER,
+    OVER_NS,
     RANK,
     SENSE,
     SOURCE,
@@ -327,6 +328,11 @@ class Node:
                 self.event_ns = reading_ns
                 act(event)
 
+    def gone(self, agent: str, incarnation: int) -> None:
+        """The life of an agent ended from outside."""
+        if agent in self.neighbours:
+            self.hearing.gone(agent, incarnation)
+
     # -- the end, and what can be promised ----------------------------------------------------------------------
 
     def finish(self) -> None:
@@ -348,7 +354,7 @@ class Node:
             arrivals_ns: no frame that is yet unheard is due before this.
         """
         if self.dead:
-            return dict.fromkeys(self.sending.outlets, FOREVER_NS)
+            return dict.fromkeys(self.sending.outlets, OVER_NS)
         on_timers = self.timers_only and self._waiting is None
         acts = FOREVER_NS if on_timers else arrivals_ns
         starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))

@@ -28,8 +28,10 @@ from ..transport.faults import from_plain
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
 from ..transport.media import AIR, on_air
+from .beginning import Beginning
+from .lockstep import Lockstep
 from .node import Node
-from .pacing import Beginning, Lockstep, Realtime
+from .pacing import Realtime
 from .plan import Plan
 
 FLUSH_EVERY_S = 0.2

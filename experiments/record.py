@@ -16,7 +16,7 @@ from ..agents.journal import Batch, Estimate
 from ..agents.plan import Plan
 from ..errors import BadInput
 from ..topologies import natural_key
-from ..transport.faults import Fault, LinkName, from_plain
+from ..transport.faults import Fault, LinkName, from_plain, kills_of
 from .encoding import untag, vector_from_json
 from .mcap_file import Entry, read
 from .recorder import ESTIMATES, EVENTS, FRAME_ROWS, FRAMES, RUN_EVENTS
@@ -64,7 +64,10 @@ class Record:
 
     @cached_property
     def faults(self) -> tuple[Fault, ...]:
-        """The faults of the scenario and the live ones, as they were cleared, in the order of their starts."""
+        """The faults of the scenario and the live ones, as they were cleared, in the order of their starts.
+
+        A kill of an agent whose life had been ended from outside before never came about, nor did the return after it.
+        """
         faults = {fault.id: fault for fault in self.plan.faults}
         for event in self.events:
             if event["event"] == "fault":
@@ -72,7 +75,10 @@ class Record:
                 faults[fault.id] = fault
             elif event["event"] == "cleared":
                 faults[event["id"]] = replace(faults[event["id"]], until_ns=event["time_ns"])
-        return tuple(sorted(faults.values(), key=lambda fault: (fault.at_ns, fault.id)))
+        lives = self.broken_off if self.end_ns is not None else ()
+        vain = [kill for agent, life in lives for kill in kills_of(faults.values(), agent)[life:]]
+        held = [fault for fault in faults.values() if fault not in vain]
+        return tuple(sorted(held, key=lambda fault: (fault.at_ns, fault.id)))
 
     @cached_property
     def faults_that_held(self) -> tuple[Fault, ...]:

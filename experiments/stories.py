@@ -7,6 +7,7 @@ frame is missing. A duplicate has a story of its own if its sender or its receiv
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -72,6 +73,17 @@ class _Told:
     def last_told(self) -> int:
         """The last sequence number that the sender wrote down, −1 for none."""
         return max((sequence for sequence, _ in (*self.sent, *self.dropped, *self.queued)), default=-1)
+
+    @cached_property
+    def _newest_heard(self) -> tuple[float, int]:
+        """Start and copy of the newest transmission of which the receiver tells; what no sender tells of came later."""
+        heard = (*self.heard, *self.held)
+        starts = [(self.sent[number].start_ns if number in self.sent else math.inf, number[1]) for number in heard]
+        return max(starts, default=(-1, 0))
+
+    def is_last(self, number: Number) -> bool:
+        """Whether nothing was heard that was transmitted after this frame."""
+        return (self.sent[number].start_ns, number[1]) > self._newest_heard
 
     def numbers(self) -> list[Number]:
         """Every frame that must have a story: all sequence numbers so far, and the duplicates that are told of."""
@@ -186,7 +198,7 @@ class _Court:
             return RECEIVER_DOWN if self._killed[link[1]] > told.held[number] else IN_FLIGHT
         broken = (link[0], incarnation) in self._broken_off
         if number in told.sent:
-            return self._unheard(link[1], told.sent[number], last=number[0] > told.last_heard, broken=broken)
+            return self._unheard(link[1], told.sent[number], last=told.is_last(number), broken=broken)
         return UNKNOWN if broken and number[0] > told.last_told else MISSING
 
     def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:

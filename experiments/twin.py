@@ -19,8 +19,11 @@ _PROGRESS_EVERY_NS = 100_000_000
 _RESTART = 2
 """Sequence of a restart among the events of its kill, after its start and its end."""
 
-LastHeard = Mapping[tuple[str, int, str], int]
-"""(source, incarnation, target) → the last sequence number that the target heard of a source killed from outside."""
+Life = tuple[str, int]
+"""Name of an agent, and incarnation."""
+
+LastHeard = Mapping[tuple[Life, Life], int]
+"""(source, target) → how many transmissions a life has heard of another one that was ended from outside."""
 
 
 class RecordSink(Protocol):
@@ -39,7 +42,7 @@ class Twin:
     Args:
         plan: what to run.
         sink: where the entries go.
-        last_heard: frames of an agent killed from outside that came after these never reached anybody.
+        last_heard: what an agent killed from outside transmitted after these never reached anybody.
     """
 
     def __init__(self, plan: Plan, sink: RecordSink, last_heard: LastHeard | None = None) -> None:
@@ -66,9 +69,10 @@ class Twin:
         def put(outlet: str, message: Message) -> None:
             data = encode(message)
             for target in self._reached(source, outlet):
-                last = self._last_heard.get((source, message.incarnation, target))
-                if last is None or last >= message.last_sequence(target):
-                    self.nodes[target].receive(source, decode(data))
+                node = self.nodes[target]
+                last = self._last_heard.get(((source, message.incarnation), (target, node.incarnation)))
+                if last is None or last >= message.sent:
+                    node.receive(source, decode(data))
 
         return put
 

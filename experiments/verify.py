@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..agents.journal import Batch, Estimate
+from ..agents.journal import LAST_HEARD, Batch, Estimate
 from .machine import differences
 from .record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
@@ -67,19 +67,13 @@ def _duration_ns(record: Record) -> int:
 
 
 def last_heard(record: Record) -> LastHeard:
-    """(source, incarnation, target) → the last frame that a neighbour heard of an agent killed from outside."""
-    outside = set() if record.end_ns is None else record.broken_off
-    last = {
-        (agent, incarnation, target): -1
-        for agent, incarnation in outside
-        for target in record.plan.agent(agent).neighbours
+    """What the neighbours of an agent killed from outside have noted of it when they were told, or at their end."""
+    return {
+        ((event["source"], event["incarnation"]), life): event["sent"]
+        for life, batch in record.batches.items()
+        for event in batch.events
+        if event["event"] == LAST_HEARD
     }
-    for (target, _), batch in record.batches.items():
-        for heard in batch.heard:
-            key = (heard.source, heard.incarnation, target)
-            if key in last:
-                last[key] = max(last[key], heard.sequence)
-    return last
 
 
 # -- comparison ---------------------------------------------------------------------------------------------------

@@ -26,3 +26,5 @@ DATA: Final = 7
 
 FOREVER_NS = 2**62
 """Later than every run."""
+OVER_NS = 2 * FOREVER_NS
+"""What the dead promise: it holds whatever happens in the run, until they come back."""

@@ -44,10 +44,6 @@ class Frame(NamedTuple):
     promise_ns: int | None
     copy: int = 0
 
-    def last_sequence(self, _target: str) -> int:
-        """Its number on the link."""
-        return self.sequence
-
 
 class AirFrame(NamedTuple):
     """What a radio transmitted, or a bare promise (`sequence` is then −1): heard by all its neighbours.
@@ -71,10 +67,6 @@ class AirFrame(NamedTuple):
     def due_ns(self) -> int:
         """When the first of its arrivals is due; its start, where there is none."""
         return min((copy.due_ns for copy in self.copies), default=self.start_ns)
-
-    def last_sequence(self, target: str) -> int:
-        """The number of its arrival on the link to a neighbour; −1 where it is for others only."""
-        return max((copy.sequence for copy in self.copies if copy.target == target), default=-1)
 
     def for_target(self, target: str) -> list[Frame]:
         """The frames that arrive at one neighbour."""

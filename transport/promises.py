@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from ..errors import RunFailed
-from .events import FOREVER_NS
+from .events import FOREVER_NS, OVER_NS
 from .faults import LinkFault, LinkName, effective
 from .frames import Message
 from .links import SHORTEST_TRAVEL_NS, LinkSettings
@@ -31,7 +31,7 @@ def lookahead_segments(base: LinkSettings, link: LinkName, faults: Iterable[Link
     starts = sorted({0, *ends})
     return tuple(
         (start, end, max(SHORTEST_TRAVEL_NS, effective(base, link, touching, start).lookahead_ns()))
-        for start, end in zip(starts, [*starts[1:], 2 * FOREVER_NS], strict=True)
+        for start, end in zip(starts, [*starts[1:], OVER_NS], strict=True)
     )
 
 
@@ -52,8 +52,8 @@ class Horizon:
         name: the agent.
         segments: neighbour → lookahead of the link from it over time.
         interventions: how often somebody has intervened in the run so far.
-        newborn: it comes to life in a swarm that runs already, where the first message of each neighbour says how many
-            frames came before.
+        lives: for an agent that comes to life in a swarm that runs already: neighbour → the first of its lives that
+            counts. Its first message says how many frames came before.
     """
 
     def __init__(
@@ -62,16 +62,18 @@ class Horizon:
         segments: Mapping[str, tuple[Segment, ...]],
         interventions: int = 0,
         *,
-        newborn: bool = False,
+        lives: Mapping[str, int] | None = None,
     ) -> None:
+        first = None if lives else 0
         self._name = name
         self.interventions = interventions
         self._segments = dict(segments)
         self._promises = dict.fromkeys(segments, 0)
-        self._received: dict[str, int | None] = dict.fromkeys(segments, None if newborn else 0)
-        self._lives: dict[str, int | None] = dict.fromkeys(segments, None if newborn else 0)
+        self._received: dict[str, int | None] = dict.fromkeys(segments, first)
+        self._lives: dict[str, int | None] = dict.fromkeys(segments, first)
+        self._over = {source: (lives or {}).get(source, 0) - 1 for source in segments}
         self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
-        self._gone: dict[str, int] = {}
+        self._gone: set[str] = set()
         self._bounds: dict[str, int] = {}
         for source in segments:
             self._rebound(source)
@@ -83,7 +85,7 @@ class Horizon:
             FrameMissing: the sender has put more frames than have come.
         """
         known = self._lives[source]
-        if message.incarnation <= self._gone.get(source, -1) or message.incarnation < (known or 0):
+        if message.incarnation <= self._over[source] or message.incarnation < (known or 0):
             return False
         if message.incarnation != known:
             self._received[source] = None if known is None else 0
@@ -103,7 +105,7 @@ class Horizon:
         return True
 
     def _holds(self, promise_ns: int) -> bool:
-        """Whether a promise still holds: one for ever does until somebody intervenes."""
+        """Whether a promise still holds: one for ever does until somebody intervenes, that of the dead in any case."""
         return promise_ns < FOREVER_NS or promise_ns - FOREVER_NS >= self.interventions
 
     def forever_ns(self) -> int:
@@ -121,20 +123,21 @@ class Horizon:
         self._rebound(source)
 
     def expect(self, source: str, returns: list[tuple[int, int]]) -> None:
-        """A neighbour comes back: (life, from when on), for each of its restarts."""
-        self._returns[source] = returns
+        """A neighbour comes back: (life, from when on), for each of its restarts; one whose life was ended does not."""
+        self._returns[source] = [] if source in self._gone else returns
         self._rebound(source)
 
     def down(self, source: str) -> None:
         """A neighbour is down: it starts nothing until it comes back as expected."""
-        self._promises[source] = self.forever_ns()
+        self._promises[source] = OVER_NS
         self._rebound(source)
 
     def gone(self, source: str, incarnation: int) -> None:
         """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more."""
         if source in self._promises:
-            self._gone[source] = incarnation
-            self._promises[source] = 2 * FOREVER_NS
+            self._gone.add(source)
+            self._over[source] = max(self._over[source], incarnation)
+            self._promises[source] = OVER_NS
             self._returns[source] = []
             self._rebound(source)
 
@@ -142,7 +145,7 @@ class Horizon:
         """Somebody intervenes at an instant that nobody has passed: promises for ever hold until then only."""
         self.interventions += 1
         for source, promise_ns in self._promises.items():
-            if promise_ns >= FOREVER_NS and source not in self._gone:
+            if FOREVER_NS <= promise_ns < OVER_NS:
                 self._promises[source] = instant_ns
                 self._rebound(source)
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 import pytest
 
 from volery.agents.agent import NoParameters
+from volery.agents.beginning import Beginning
 from volery.agents.node import Node
-from volery.agents.pacing import Beginning, Realtime
+from volery.agents.pacing import Realtime
 from volery.agents.plan import AgentPlan, Plan
 from volery.transport.faults import LinkFault
 from volery.transport.links import LinkSettings

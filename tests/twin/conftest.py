@@ -281,7 +281,28 @@ def _draw_radio(kind: type[Agent], seed: int) -> Plan:
     return replace(plan, slots=radio_slots(plan.links))
 
 
-def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
+def _mortal(plan: Plan, seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    kills = []
+    for agent in plan.agents:
+        at = int(rng.integers(0, DRAWN_MS))
+        for life in range(int(rng.integers(0, 4))):
+            until = at + int(rng.integers(1, 60))
+            end = None if rng.random() < 0.15 else until * MS
+            kills.append(Kill(f"k{agent.name}.{life}", at * MS, end, agent.name, bool(rng.integers(2))))
+            at = until + int(rng.integers(0, 40))
+            if end is None:
+                break
+    return replace(plan, faults=(*plan.faults, *kills))
+
+
+@pytest.fixture
+def mortal() -> Callable[[Plan, int], Plan]:
+    """Let agents of a plan die and come back, some of them several times, at whole milliseconds."""
+    return _mortal
+
+
+def _draw(kind: type[Agent], seed: int) -> Plan:
     rng = np.random.default_rng(seed)
     edges = _edges(rng)
     media = {edge: _medium(rng) for edge in edges}
@@ -291,9 +312,6 @@ def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
     parameters = {name: TalkerParameters(_one(rng, 20.0, 30.0, 50.0), phase) for name, phase in phases.items()}
     faults = _faults(rng, edges)
     compute_ns, world = _one(rng, 200_000, MS, 3 * MS), _one(rng, None, Probe())
-    if kills:
-        at = int(rng.integers(0, DRAWN_MS)) * MS
-        faults.append(Kill("k", at, _one(rng, None, at + int(rng.integers(1, 60)) * MS), _one(rng, *names)))
     return _plan(
         edges, kind, links, faults, DRAWN_MS, parameters=parameters, compute_ns=compute_ns, seed=seed, world=world
     )
@@ -301,7 +319,7 @@ def _draw(kind: type[Agent], seed: int, kills: bool = False) -> Plan:
 
 @pytest.fixture
 def drawn_plan() -> Callable[..., Plan]:
-    """Draw a plan of a kind: graph, media, rates, latencies, losses, queues, phases, faults; with kills on request."""
+    """Draw a plan of a kind: graph, media, rates, latencies, losses, queues, phases, faults."""
     return _draw
 
 

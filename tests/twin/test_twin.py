@@ -114,10 +114,10 @@ def fates(record: Record, agent: str, incarnation: int = 0) -> list[str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_same_seed_gives_the_same_trace(
-    seed: int, drawn_plan: PlanOf, answerer: type[Agent], twin_run: Run
+    seed: int, drawn_plan: PlanOf, mortal: PlanOf, answerer: type[Agent], twin_run: Run
 ) -> None:
     """Two runs of one plan write down the same entries, in the same order."""
-    plan = drawn_plan(answerer, seed, kills=True)
+    plan = mortal(drawn_plan(answerer, seed), seed)
     assert twin_run(plan).batches == twin_run(plan).batches
 
 
@@ -355,9 +355,11 @@ def test_frames_that_wait_leave_one_after_the_other(script_of: PlanOf) -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_every_frame_has_one_story(seed: int, drawn_plan: PlanOf, answerer: type[Agent], twin_run: Run) -> None:
+def test_every_frame_has_one_story(
+    seed: int, drawn_plan: PlanOf, mortal: PlanOf, answerer: type[Agent], twin_run: Run
+) -> None:
     """Whatever links, faults, kills and restarts do, each link's account closes, and nothing is ever late."""
-    record = twin_run(drawn_plan(answerer, seed, kills=True))
+    record = twin_run(mortal(drawn_plan(answerer, seed), seed))
     assert {link: counts.closes for link, counts in account(record).items()} == dict.fromkeys(record.links(), True)
     assert not any(batch.late for batch in record.batches.values())
 

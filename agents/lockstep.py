@@ -1,0 +1,215 @@
+"""Lockstep pace: an event is handled when every neighbour has promised that nothing earlier comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from heapq import heappop
+from typing import TYPE_CHECKING
+
+from ..transport.events import DATA, FOREVER_NS, HANDLER, OVER_NS, SOURCE, TIME
+from ..transport.faults import Fault, Kill, LinkFault, kills_of
+from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
+from ..transport.media import AIR
+from ..transport.promises import Horizon, lookahead_segments
+from .beginning import Beginning, Guard, Write
+from .mailbox import Mailbox
+from .node import Node
+
+if TYPE_CHECKING:
+    import asyncio
+
+_NOBODY = ""
+
+
+class Lockstep:
+    """Handles an event when every neighbour has promised that nothing earlier can come."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard) -> None:
+        self.mail = Mailbox()
+        self.promises = 0
+        self.lateness_ns: list[int] = []
+        self._loop = loop
+        self._write = write
+        self._outbox: list[tuple[str, Message]] = []
+        self._done = done
+        self._held = False
+        self._blocking = [{_NOBODY}]
+        self._wake = guard(self.advance)
+
+    def begin(self, node: Node, beginning: Beginning) -> None:
+        """Make the first promises; the node knows the live faults so far."""
+        self._node = node
+        self._end_ns = beginning.end_ns
+        self._told = dict.fromkeys(node.sending.outlets, 0)
+        self._on_air = [source for source in node.neighbours if node.sending.outlet_of[source] == AIR]
+        segments = {source: self._segments(source) for source in node.neighbours}
+        lives = {source: self._first_life(source) for source in node.neighbours} if node.incarnation else None
+        self._horizon = Horizon(node.name, segments, beginning.interventions, lives=lives)
+        for source in node.neighbours:
+            self._expect(source)
+            if self._is_down(source):
+                self._horizon.down(source)
+        for source, incarnation in beginning.gone:
+            self._gone(source, incarnation)
+        self.advance()
+
+    def _segments(self, source: str) -> tuple[tuple[int, int, int], ...]:
+        link = (source, self._node.name)
+        faults = [fault for fault in self._node.known.values() if isinstance(fault, LinkFault)]
+        return lookahead_segments(self._node.plan.links[link], link, faults)
+
+    def _kills(self, source: str) -> list[Kill]:
+        return kills_of(self._node.known.values(), source)
+
+    def _first_life(self, source: str) -> int:
+        """The life of a neighbour that is not over before the own one begins: it lives, or is to come."""
+        return sum(kill.at_ns < self._node.start_ns for kill in self._kills(source))
+
+    def _is_down(self, source: str) -> bool:
+        """Whether a neighbour has died before the own life begins, and is not back by then."""
+        start_ns = self._node.start_ns
+        return any(kill.at_ns < start_ns and kill.in_force(start_ns) for kill in self._kills(source))
+
+    def _expect(self, source: str) -> None:
+        """Nothing from the return of a neighbour on is safe before it is heard of, if it returns in the own life."""
+        returns = [
+            (life, kill.until_ns)
+            for life, kill in enumerate(self._kills(source), start=1)
+            if kill.until_ns is not None and kill.until_ns >= self._node.start_ns
+        ]
+        self._horizon.expect(source, returns)
+
+    def now_ns(self) -> int:
+        """Nominal time of the last event."""
+        return self._node.now_ns
+
+    def put(self, outlet: str, frame: Message) -> None:
+        """Keep a frame until the turn is over, when it is known what can be promised with it."""
+        self._outbox.append((outlet, frame))
+
+    def _promise(self) -> dict[str, int]:
+        """New promises, never behind what was told; but for those for ever, none reaches past the end of the run."""
+        promises = self._node.promises(max(self._horizon.safe_ns(), self._node.start_ns))
+        for outlet, promise_ns in promises.items():
+            if promise_ns < FOREVER_NS:
+                promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
+            elif promise_ns < OVER_NS:
+                promises[outlet] = self._horizon.forever_ns()
+        return promises
+
+    def _speak(self) -> None:
+        """Put the frames of this turn, the last of an outlet with its promise; the other outlets are told news only.
+
+        With any other frame goes the promise that nothing starts before itself.
+        """
+        told, self._told = self._told, self._promise()
+        last = {outlet: number for number, (outlet, _) in enumerate(self._outbox)}
+        for number, (outlet, frame) in enumerate(self._outbox):
+            promise_ns = self._told[outlet] if number == last[outlet] else frame.start_ns
+            self._write(outlet, frame._replace(promise_ns=promise_ns))
+        self._outbox.clear()
+        for outlet, promise_ns in self._told.items():
+            if promise_ns > told[outlet] and outlet not in last:
+                self._say(outlet)
+
+    def arrived(self, source: str, frame: Message) -> None:
+        """Keep a frame or promise until all that stand in one way were heard; called on Zenoh's thread."""
+        self.mail.put(source, frame)
+        for blocking in self._blocking:
+            if source in blocking:
+                blocking.discard(source)
+                if not blocking:
+                    self._loop.call_soon_threadsafe(self._wake)
+
+    def advance(self) -> None:
+        """Handle what is safe, then promise.
+
+        The mail is looked at again once it is known who stands in the way: they may have been heard in between. Who
+        stands in the way of the next event need not stand in that of a further promise.
+        """
+        while not self._held:
+            for source, frame in self.mail.take():
+                self._take(source, frame)
+            self._handle_safe()
+            self._blocking = [self._unheard(), self._horizon.blocking()]
+            if not self.mail:
+                return
+
+    def _take(self, source: str, frame: Message) -> None:
+        """Take in what a neighbour says; one that has come back is told at once what holds."""
+        back = frame.incarnation > 0 and not self._horizon.knows(source, frame.incarnation)
+        if not self._horizon.heard(source, frame):
+            return
+        if frame.sequence != PROMISE_ONLY:
+            self._node.receive(source, frame)
+        if back:
+            self._say(self._node.sending.outlet_of[source])
+
+    def _say(self, outlet: str) -> None:
+        self.promises += 1
+        say = air_promise if outlet == AIR else promise
+        self._write(outlet, say(self._node.incarnation, self._told[outlet], self._node.sending.sent[outlet]))
+
+    def _handle_safe(self) -> None:
+        node, heap = self._node, self._node.heap
+        safe = self._horizon.safe_ns()
+        limit = min(safe, self._end_ns)
+        while heap and heap[0][TIME] < limit and not self._unheard():
+            event = heappop(heap)
+            event[HANDLER](event)
+        self._speak()
+        if node.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
+            self._done()
+
+    def _unheard(self) -> set[str]:
+        """Who may still transmit while the next frame from the air is on it, or while the radio listens."""
+        event = self._node.heap[0] if self._on_air and self._node.heap else None
+        if event is None:
+            return set()
+        if self._node.sending.senses(event):
+            return self._horizon.silent_before(event[TIME], self._on_air)
+        if not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
+            return set()
+        return self._horizon.silent_before(event[DATA].start_ns + event[DATA].airtime_ns, self._on_air)
+
+    def hold(self) -> int:
+        """Stand still; the instant that no event handled and no promise given has passed."""
+        self._held = True
+        promised = max((told for told in self._told.values() if told < FOREVER_NS), default=0)
+        return max(promised, self._node.now_ns)
+
+    def release(self) -> None:
+        """Go on."""
+        self._held = False
+        self.advance()
+
+    def end_at(self, instant_ns: int) -> bool:
+        """End the run at an instant beyond every promise."""
+        self._end_ns = instant_ns
+        return instant_ns > self._node.now_ns
+
+    def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
+        """Arm live faults while held; their instant lies beyond every promise."""
+        in_time = instant_ns > self._node.now_ns
+        for fault in faults:
+            self._node.arm(fault)
+        self._horizon.intervene(instant_ns)
+        for outlet, told in self._told.items():
+            if FOREVER_NS <= told < OVER_NS:
+                self._told[outlet] = instant_ns
+        for source in self._node.neighbours:
+            self._horizon.relink(source, self._segments(source))
+            self._expect(source)
+        return in_time
+
+    def gone(self, agent: str, incarnation: int) -> None:
+        """A life ended from outside: nothing of it that has not come yet counts."""
+        self._gone(agent, incarnation)
+        self.advance()
+
+    def _gone(self, agent: str, incarnation: int) -> None:
+        self._horizon.gone(agent, incarnation)
+        self._node.gone(agent, incarnation)
+
+    def close(self) -> None:
+        """Nothing to give back."""

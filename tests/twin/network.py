@@ -1,0 +1,224 @@
+"""An in-memory network for lockstep pace: the real pacers without processes, and a wire that delivers when it pleases.
+
+Every pacer runs its node as in a process of its own. The network keeps order on each link, as one subscriber does, and
+nothing else: which link delivers next, how many of its frames at once, and when a woken agent wakes up, is drawn.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from volery.agents.beginning import Beginning
+from volery.agents.lockstep import Lockstep
+from volery.agents.node import Node
+from volery.agents.plan import Plan
+from volery.experiments.record import Collector, Record
+from volery.transport.faults import Fault, Kill, kills_of
+from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
+from volery.transport.media import AIR
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop
+
+
+class Network:
+    """All nodes of a plan in lockstep pace, and the wire between them. It watches that promises are kept."""
+
+    def __init__(self, plan: Plan, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._plan = plan
+        self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in plan.links}
+        self._promised = dict.fromkeys(plan.links, 0)
+        self._woken: list[Callable[[], None]] = []
+        self._interventions = 0
+        self._intervening = False
+        self._live: dict[str, Fault] = {}
+        self._collector = Collector()
+        self._subscribed = {agent.name for agent in plan.agents}
+        self._over: set[tuple[str, int]] = set()
+        self._outside: set[tuple[str, int]] = set()
+        self._standing_by: set[str] = set()
+        self.done: set[str] = set()
+        self.pacers: dict[str, Lockstep] = {}
+        self.nodes: dict[str, Node] = {}
+        for agent in plan.agents:
+            self._make(agent.name)
+
+    def _make(self, name: str, incarnation: int = 0, start_ns: int = 0, saved: bytes | None = None) -> None:
+        done = partial(self._done, name, incarnation)
+        pacer = Lockstep(cast("AbstractEventLoop", self), self._write(name), done, lambda wake: wake)
+        self.pacers[name] = pacer
+        self.nodes[name] = Node(self._plan, name, [], pacer.put, incarnation, start_ns, saved=saved)
+
+    def _done(self, name: str, incarnation: int) -> None:
+        """A node is at its end: of the run, or of a life, which has a next one where its kill has an end."""
+        node = self.nodes[name]
+        if not node.dead:
+            self.done.add(name)
+        elif (name, incarnation) not in self._over:
+            self._over.add((name, incarnation))
+            self._subscribed.discard(name)
+            self._collector(node.take_journal())
+            for link, queue in self._wire.items():
+                if link[1] == name:
+                    queue.clear()
+            kill = self.kills(name)[incarnation]
+            if kill.until_ns is None:
+                self.done.add(name)
+            else:
+                self._woken.append(partial(self._stand_by, kill))
+
+    def kills(self, name: str) -> list[Kill]:
+        """The kills of an agent, those from outside the plan included."""
+        return kills_of(({fault.id: fault for fault in self._plan.faults} | self._live).values(), name)
+
+    def _stand_by(self, kill: Kill) -> None:
+        """The next life of an agent has joined; it is told to begin some time later."""
+        assert kill.until_ns is not None
+        if kill.until_ns >= self._plan.duration_ns:
+            self.done.add(kill.agent)
+            return
+        self.done.discard(kill.agent)
+        self._subscribed.add(kill.agent)
+        self._standing_by.add(kill.agent)
+        self._woken.append(partial(self._revive, kill.agent, kill))
+
+    def _revive(self, name: str, kill: Kill) -> None:
+        """Nobody comes to life while somebody intervenes."""
+        if self._intervening:
+            self._woken.append(partial(self._revive, name, kill))
+            return
+        assert kill.until_ns is not None
+        self._standing_by.discard(name)
+        before = self.nodes[name]
+        self._promised.update({link: 0 for link in self._promised if link[0] == name})
+        self._make(name, before.incarnation + 1, kill.until_ns, before.saved if kill.keep_state else None)
+        for fault in self._live.values():
+            self.nodes[name].arm(fault)
+        gone = tuple(self._outside)
+        self.pacers[name].begin(self.nodes[name], Beginning(0, self._plan.duration_ns, self._interventions, gone))
+
+    def _write(self, source: str) -> Callable[[str, Message], None]:
+        def write(outlet: str, frame: Message) -> None:
+            near = self._plan.agent(source).neighbours
+            for target in near if outlet == AIR else (outlet,):
+                link = (source, target)
+                if target not in self._subscribed:
+                    continue
+                if frame.sequence != PROMISE_ONLY:
+                    assert frame.start_ns >= self._promised[link], f"{link}: a frame starts before the promise"
+                assert frame.promise_ns is not None
+                assert frame.promise_ns >= self._promised[link], f"{link}: a promise was taken back"
+                self._promised[link] = frame.promise_ns
+                self._wire[link].append(encode(frame))
+
+        return write
+
+    def call_soon_threadsafe(self, wake: Callable[[], None]) -> None:
+        """All that a pacer asks of its loop."""
+        self._woken.append(wake)
+
+    def start(self) -> None:
+        """Bring all nodes to life."""
+        for name, pacer in self.pacers.items():
+            pacer.begin(self.nodes[name], Beginning(0, self._plan.duration_ns))
+
+    def deliver(self) -> bool:
+        """Deliver some of what is on one link, or wake somebody up; False when nothing is left to do."""
+        busy = [link for link, queue in self._wire.items() if queue and link[1] not in self._standing_by]
+        if not busy and not self._woken:
+            return False
+        choice = self._rng.integers(len(busy) + len(self._woken))
+        if choice >= len(busy):
+            self._woken.pop(choice - len(busy))()
+            return True
+        source, target = busy[choice]
+        queue = self._wire[source, target]
+        for _ in range(self._rng.integers(1, len(queue) + 1)):
+            self.pacers[target].arrived(source, decode(queue.popleft()))
+        return True
+
+    def deliver_some(self, times: int) -> None:
+        """Deliver that often, if there is so much."""
+        for _ in range(times):
+            self.deliver()
+
+    def kill_from_outside(self, name: str) -> None:
+        """An agent's process is gone; some of what it sent is on the wire still, and everybody is told at some time."""
+        incarnation = self.nodes[name].incarnation
+        self._subscribed.discard(name)
+        self.done.add(name)
+        self._woken = [wake for wake in self._woken if getattr(wake, "__self__", None) is not self.pacers[name]]
+        for link, queue in self._wire.items():
+            if link[1] == name:
+                queue.clear()
+        batch = self.nodes[name].take_journal()
+        self._collector(batch)
+        self._outside.add((name, incarnation))
+        self._collector.event(
+            {
+                "event": "died",
+                "agent": name,
+                "incarnation": incarnation,
+                "time_ns": 0,
+                "cause": "was killed from outside",
+            }
+        )
+        for other, pacer in self.pacers.items():
+            if other != name:
+                self._woken.append(partial(pacer.gone, name, incarnation))
+
+    def living(self) -> list[str]:
+        """Agents that are neither dead nor on standby."""
+        return [name for name, node in self.nodes.items() if not node.dead and name not in self._standing_by]
+
+    def deliver_until(self, reached: Callable[[], bool]) -> bool:
+        """Deliver until something has come about, or nothing is left."""
+        while not reached() and self.deliver():
+            pass
+        return reached()
+
+    def inject(self, fault_from: Callable[[int], Fault]) -> Fault:
+        """Arm a fault everywhere as a supervisor does: hold all, choose an instant beyond all, arm, release."""
+        instants = []
+        self._intervening = True
+        living = [self.pacers[name] for name in self.nodes if not self.nodes[name].dead]
+        for pacer in living:
+            instants.append(pacer.hold())
+            self.deliver()
+        fault = fault_from(max(instants) + 1)
+        instant_ns = fault.at_ns if fault.until_ns is None else fault.until_ns
+        self._interventions += 1
+        self._live[fault.id] = fault
+        self._promised = {link: min(promised, instant_ns) for link, promised in self._promised.items()}
+        for pacer in living:
+            assert pacer.arm([fault], instant_ns)
+            self.deliver()
+        if isinstance(fault, Kill) and fault.until_ns is not None:
+            self._stand_by(fault)
+        self._intervening = False
+        for pacer in living:
+            pacer.release()
+        return fault
+
+    def finish(self) -> Record:
+        """Deliver until nobody says anything more; everybody must have come to the end."""
+        while self.deliver():
+            pass
+        waiting = {name: self.nodes[name].now_ns for name in self.nodes.keys() - self.done}
+        assert not waiting, f"stuck, waiting for each other: {waiting}"
+        for name, node in self.nodes.items():
+            if (name, node.incarnation) in self._outside:
+                continue
+            if not node.dead:
+                node.finish()
+            if batch := node.take_journal():
+                self._collector(batch)
+        self._collector.event({"event": "finished", "time_ns": self._plan.duration_ns})
+        return self._collector.record(replace(self._plan, faults=(*self._plan.faults, *self._live.values())))
