@@ -105,13 +105,13 @@ class Record:
             if event["event"] == "died" and event["cause"] != INJECTED
         )
 
-    def restart_ns(self, agent: str, after_ns: int) -> int | None:
-        """When an agent that ended at an instant came to life again, in nanoseconds; None if it did not."""
+    def restart_ns(self, agent: str, life: int) -> int | None:
+        """When an agent came back after a life, in nanoseconds; None if it did not."""
         return next(
             (
                 event["time_ns"]
                 for event in self.events
-                if event["event"] == "restarted" and event["agent"] == agent and event["time_ns"] >= after_ns
+                if event["event"] == "restarted" and event["agent"] == agent and event["incarnation"] > life
             ),
             None,
         )

@@ -155,14 +155,15 @@ class _Court:
         self._killed: Counter[str] = Counter()
         for fault in record.faults:
             if isinstance(fault, Kill) and fault.at_ns < self._end_ns:
+                back_ns = self._back_ns(record, (fault.agent, self._killed[fault.agent]))
+                self._gone[fault.agent].append(_Gone(fault.at_ns, back_ns, True))
                 self._killed[fault.agent] += 1
-                self._gone[fault.agent].append(_Gone(fault.at_ns, self._back(record, fault.agent, fault.at_ns), True))
         for life in self._broken_off:
             at_ns = last_ns(record.batches[life]) if life in record.batches else 0
-            self._gone[life[0]].append(_Gone(at_ns, self._back(record, life[0], at_ns), False))
+            self._gone[life[0]].append(_Gone(at_ns, self._back_ns(record, life), False))
 
-    def _back(self, record: Record, agent: str, at_ns: int) -> int:
-        back_ns = record.restart_ns(agent, at_ns)
+    def _back_ns(self, record: Record, life: Life) -> int:
+        back_ns = record.restart_ns(*life)
         return self._end_ns if back_ns is None else back_ns
 
     def story(self, link: LinkName, incarnation: int, told: _Told, number: Number) -> Story:

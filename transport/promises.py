@@ -16,6 +16,7 @@ from .faults import LinkFault, LinkName, effective
 from .frames import Message
 from .links import SHORTEST_TRAVEL_NS, LinkSettings
 
+_NEVER = 2**31
 Segment = tuple[int, int, int]
 """From, until, and the lookahead of a link meanwhile, in nanoseconds."""
 
@@ -73,7 +74,7 @@ class Horizon:
         self._lives: dict[str, int | None] = dict.fromkeys(segments, first)
         self._over = {source: (lives or {}).get(source, 0) - 1 for source in segments}
         self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
-        self._gone: set[str] = set()
+        self._gone: dict[str, int] = {}
         self._bounds: dict[str, int] = {}
         for source in segments:
             self._rebound(source)
@@ -85,7 +86,8 @@ class Horizon:
             FrameMissing: the sender has put more frames than have come.
         """
         known = self._lives[source]
-        if message.incarnation <= self._over[source] or message.incarnation < (known or 0):
+        first = max(self._over[source] + 1, known or 0)
+        if not first <= message.incarnation < self._gone.get(source, _NEVER):
             return False
         if message.incarnation != known:
             self._received[source] = None if known is None else 0
@@ -124,7 +126,8 @@ class Horizon:
 
     def expect(self, source: str, returns: list[tuple[int, int]]) -> None:
         """A neighbour comes back: (life, from when on), for each of its restarts; one whose life was ended does not."""
-        self._returns[source] = [] if source in self._gone else returns
+        gone = self._gone.get(source, _NEVER)
+        self._returns[source] = [(life, from_ns) for life, from_ns in returns if life < gone]
         self._rebound(source)
 
     def down(self, source: str) -> None:
@@ -133,13 +136,16 @@ class Horizon:
         self._rebound(source)
 
     def gone(self, source: str, incarnation: int) -> None:
-        """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more."""
+        """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more.
+
+        What the lives before it have said may still be on its way.
+        """
         if source in self._promises:
-            self._gone.add(source)
-            self._over[source] = max(self._over[source], incarnation)
-            self._promises[source] = OVER_NS
-            self._returns[source] = []
-            self._rebound(source)
+            self._gone[source] = incarnation
+            known = self._lives[source]
+            if incarnation <= (self._over[source] + 1 if known is None else known):
+                self._promises[source] = OVER_NS
+            self.expect(source, self._returns[source])
 
     def intervene(self, instant_ns: int) -> None:
         """Somebody intervenes at an instant that nobody has passed: promises for ever hold until then only."""
