@@ -3,30 +3,46 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import signal
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
+from .record import INJECTED
+
 _LOOK_EVERY_S = 0.5
 _STOPPED_S = 2.0
+_LAST_WORDS_S = 1.0
 
 
 @dataclass
 class Member:
-    """One process. `state` is what its agent saves when it dies of a fault that keeps it."""
+    """One process. `state` is what its agent saves when it dies of a fault that keeps it.
+
+    `killed`: it has told that a fault ends its life. `buried`: it has ended, and it is known of what.
+    """
 
     process: ForkServerProcess
     joined: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
+    killed: asyncio.Event = field(default_factory=asyncio.Event)
+    buried: asyncio.Event = field(default_factory=asyncio.Event)
     done: bool = False
     stopped_from_outside: bool = False
     batches: int = 0
     state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
-    def cause(self) -> str:
-        """Of its end, if no fault brought it about."""
+    async def cause(self) -> str:
+        """Of its end. Its last words may be on their way still: a fault, or else somebody from outside."""
+        if self.process.exitcode == -signal.SIGKILL:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_LAST_WORDS_S):
+                    await self.killed.wait()
+        if self.killed.is_set():
+            return INJECTED
         if self.stopped_from_outside:
             return "was stopped from outside"
         exit_code = self.process.exitcode

@@ -25,6 +25,7 @@ from ..transport import zenoh_session as zs
 from ..transport.access import access_control
 from ..transport.faults import Fault, to_plain
 from ..transport.keys import OPERATOR, Keys
+from .record import INJECTED
 from .members import Member, joined_or_ended, watch_for_stopped
 from .restarts import Restarts
 from .spawning import prepare, spawn
@@ -81,7 +82,7 @@ class Swarm:
             name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)
         }
         self.session: zs.Session
-        self.live_faults: dict[str, Fault] = {}
+        self.live_faults: dict[str, Fault] = {fault.id: fault for fault in plan.faults}
         self.interventions = 0
         self.intervening = asyncio.Lock()
         self.ready = asyncio.Event()
@@ -98,7 +99,6 @@ class Swarm:
         self.end_ns = plan.duration_ns
         self._living: dict[str, int] = {}
         self.restarts = Restarts(self)
-        self._kills_expected: set[tuple[str, int]] = set()
         self.gone: set[tuple[str, int]] = set()
 
     async def run(self) -> Ending:
@@ -149,9 +149,8 @@ class Swarm:
         await self.order(self._start_order(0))
         self.ready.set()
         for agent in self.plan.agents:
-            for incarnation, kill in enumerate(self.plan.kills(agent.name), start=1):
-                self._kills_expected.add((agent.name, incarnation - 1))
-                self.restarts.later(kill, incarnation)
+            for kill in self.plan.kills(agent.name):
+                self.restarts.later(kill)
         self.background(self._watch_the_end())
         self.background(watch_for_stopped(self._members.values))
 
@@ -228,10 +227,6 @@ class Swarm:
         )
         return {Keys.agent_of(key): msgpack.unpackb(answer) for key, answer in answers.items()}
 
-    def expect_kill(self, name: str) -> None:
-        """The next death of this agent is meant."""
-        self._kills_expected.add(self.current(name))
-
     def current(self, name: str) -> tuple[str, int]:
         """The newest incarnation of an agent."""
         return name, max(incarnation for agent, incarnation in self._members if agent == name)
@@ -248,6 +243,11 @@ class Swarm:
     def member(self, name: str, incarnation: int) -> Member:
         """The process of one life of an agent."""
         return self._members[name, incarnation]
+
+    def before(self, key: tuple[str, int]) -> Member:
+        """The process of the last life of an agent before this one."""
+        name, incarnation = key
+        return self._members[name, max(life for agent, life in self._members if agent == name and life < incarnation)]
 
     async def bring_to_life(self, key: tuple[str, int], start_ns: int, saved: bytes | None) -> None:
         """Let a process on standby live from an instant on, with what the life before has left."""
@@ -294,6 +294,8 @@ class Swarm:
         for event in batch.events:
             if event["event"] == "done":
                 member.done = True
+            elif event["event"] == "killed":
+                member.killed.set()
             elif event["event"] == "state":
                 member.state.set_result(bytes.fromhex(event["state"]))
             elif event["event"] == "crashed":
@@ -319,35 +321,37 @@ class Swarm:
         if self._living.get(name) == incarnation:
             self.status.alive.discard(name)
         told_to_go = member.done or self._over.is_set()
-        if not (told_to_go and member.process.exitcode == 0):
-            self._died(name, incarnation, member)
+        if told_to_go and member.process.exitcode == 0:
+            member.buried.set()
+            self._check_over()
+        else:
+            self.background(self._bury(name, incarnation, self.now_ns()))
+
+    async def _bury(self, name: str, incarnation: int, time_ns: int) -> None:
+        """Who ended from outside nobody waits for any more, and what has not come of it never does."""
+        member = self._members[name, incarnation]
+        cause = await member.cause()
+        death = {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": time_ns, "cause": cause}
+        self._sink.event(death)
+        if cause != INJECTED:
+            await self._end_from_outside(name, incarnation, cause)
+        member.buried.set()
         self._check_over()
 
-    def _died(self, name: str, incarnation: int, member: Member) -> None:
-        """By a fault, or from outside: then nobody waits for it any more, and what has not come of it never does."""
-        injected = (name, incarnation) in self._kills_expected and not member.stopped_from_outside
-        cause = "injected" if injected else member.cause()
-        self._sink.event(
-            {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": self.now_ns(), "cause": cause}
-        )
-        if injected:
-            return
+    async def _end_from_outside(self, name: str, incarnation: int, cause: str) -> None:
         self.gone.add((name, incarnation))
-        self.restarts.due.pop(name, None)
+        self.restarts.forget(name)
         if cause.startswith("ended"):
             self._problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self._over.set()
-        elif self.pace == "lockstep" and self.ready.is_set():
-            self.background(self._tell_gone(name, incarnation))
-
-    async def _tell_gone(self, name: str, incarnation: int) -> None:
-        await self.order({"do": "gone", "agent": name, "incarnation": incarnation})
+        elif self.ready.is_set():
+            await self.order({"do": "gone", "agent": name, "incarnation": incarnation})
 
     def _check_over(self) -> None:
         newest = {name: self._members[self.current(name)] for name, _ in self._members}
-        to_come = [until_ns for until_ns in self.restarts.due.values() if until_ns < self.end_ns]
-        if all(member.done or member.ended.is_set() for member in newest.values()) and not to_come:
+        to_come = [kill for kill in self.restarts.due.values() if kill.until_ns and kill.until_ns < self.end_ns]
+        if all(member.done or member.buried.is_set() for member in newest.values()) and not to_come:
             self._over.set()
 
     async def _watch_the_end(self) -> None:
@@ -367,6 +371,9 @@ class Swarm:
 
     async def _finish(self) -> None:
         """Let the agents go, once their last batches are here."""
+        for member in list(self._members.values()):
+            if member.ended.is_set():
+                await member.buried.wait()
         last = await self.order({"do": "stop"})
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_LEAVE_TIMEOUT_S):
