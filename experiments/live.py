@@ -31,7 +31,6 @@ class Injector:
         self._sink = sink
         self._places = places_of(swarm.plan)
         self._faults = swarm.live_faults
-        self._faults.update({fault.id: fault for fault in swarm.plan.faults})
         self._count = 0
         self._newest_ns = 0
         self._took_s = 0.0
@@ -77,9 +76,6 @@ class Injector:
         """
         swarm = self._swarm
         held_ns = await self._hold() if swarm.pace == "lockstep" else 0
-        for draft in drafted:
-            if isinstance(draft, Kill):
-                swarm.expect_kill(draft.agent)
         for _ in range(_TRIES):
             at_ns = held_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
@@ -102,7 +98,7 @@ class Injector:
         answers = await self._swarm.order({"do": "hold"})
         mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
         absent = self._swarm.status.alive - mortal - {name for name, _ in answers}
-        instant_ns: int = max(answers.values()) + 1
+        instant_ns: int = max([self._now_ns(), *answers.values()]) + 1
         if absent or instant_ns >= self._swarm.end_ns:
             await self._swarm.order({"do": "release"})
             who = f"agent {', '.join(sorted(absent))} does" if absent else "somebody has no neighbour alive and does"
@@ -131,11 +127,12 @@ class Injector:
         """Undo faults that are in force, all of them if none is named; what was done, in words.
 
         The name of an entry stands for all of its faults, t3 for t3.1 and t3.2, also for those to come, except kills.
+        Kills whose agents come back by themselves take their course.
 
         Raises:
             BadInput: a name that is not in force, or nothing to clear.
         """
-        present = self.in_force()
+        present = {name: fault for name, fault in self.in_force().items() if not self._comes_back(fault)}
         chosen: dict[str, Fault] = {} if names else present
         known = ", ".join(dict.fromkeys(map(entry_of, present))) or "none"
         for name in names:
@@ -155,7 +152,11 @@ class Injector:
             for fault in self._faults.values()
             if name in (fault.id, entry_of(fault.id))
             and (fault.in_force(now_ns) or (_is_to_come(fault, now_ns) and not isinstance(fault, Kill)))
+            and not self._comes_back(fault)
         }
+
+    def _comes_back(self, fault: Fault) -> bool:
+        return isinstance(fault, Kill) and self._swarm.restarts.comes_back(fault)
 
     async def restart(self, words: str) -> str:
         """Bring killed agents back; what was done, in words.
@@ -175,9 +176,12 @@ class Injector:
 
     async def _end_of(self, kind: type[Kill | Pause], words: str, state: str) -> str:
         agents = parse_agents(read_words(words), self._places)
-        chosen = [fault for fault in self.in_force().values() if isinstance(fault, kind) and fault.agent in agents]
-        if not chosen:
+        found = [fault for fault in self.in_force().values() if isinstance(fault, kind) and fault.agent in agents]
+        if not found:
             raise BadInput(f"agent {', '.join(agents)}: none {state} by a fault")
+        chosen = [fault for fault in found if not self._comes_back(fault)]
+        if not chosen:
+            raise BadInput(f"agent {', '.join(fault.agent for fault in found)} comes back by itself")
         await self._end(chosen)
         return ", ".join(fault.agent for fault in chosen)
 
@@ -211,7 +215,7 @@ class Injector:
 
     async def _standbys(self, faults: Sequence[Fault]) -> list[tuple[tuple[str, int], Kill]]:
         kills = [fault for fault in faults if isinstance(fault, Kill)]
-        return [(await self._swarm.restarts.standby(kill.agent), kill) for kill in kills]
+        return [(await self._swarm.restarts.standby(kill), kill) for kill in kills]
 
     async def _end_at(
         self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]], until_ns: int

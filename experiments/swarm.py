@@ -25,8 +25,8 @@ from ..transport import zenoh_session as zs
 from ..transport.access import access_control
 from ..transport.faults import Fault, to_plain
 from ..transport.keys import OPERATOR, Keys
-from .record import INJECTED
 from .members import Member, joined_or_ended, watch_for_stopped
+from .record import INJECTED
 from .restarts import Restarts
 from .spawning import prepare, spawn
 from .status import Status
