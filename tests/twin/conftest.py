@@ -285,14 +285,12 @@ def _mortal(plan: Plan, seed: int) -> Plan:
     rng = np.random.default_rng(seed)
     kills = []
     for agent in plan.agents:
-        at = int(rng.integers(0, DRAWN_MS))
-        for life in range(int(rng.integers(0, 4))):
+        at, deaths = int(rng.integers(0, DRAWN_MS)), int(rng.integers(0, 4))
+        for left in reversed(range(deaths)):
             until = at + int(rng.integers(1, 60))
-            end = None if rng.random() < 0.15 else until * MS
-            kills.append(Kill(f"k{agent.name}.{life}", at * MS, end, agent.name, bool(rng.integers(2))))
+            end = until * MS if left or rng.random() < 0.7 else None
+            kills.append(Kill(f"k{agent.name}.{left}", at * MS, end, agent.name, bool(rng.integers(2))))
             at = until + int(rng.integers(0, 40))
-            if end is None:
-                break
     return replace(plan, faults=(*plan.faults, *kills))
 
 
