@@ -18,7 +18,7 @@ from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, SOURCE, TIME, T
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import ACCESS, DELIVERED, LinkSettings
 from ..transport.media import AIR, HalfDuplex, on_air
-from ..transport.propagation import Propagation
+from ..transport.propagation import Copy, Propagation
 from ..transport.stages import Surroundings
 from ..transport.transmitter import Transmission, Transmitter
 from .journal import Dropped, Sent
@@ -219,7 +219,7 @@ class Sending:
         if name == AIR:
             self.sent[name] = sent = self.sent[name] + 1
             shaded = tuple(way.target for way in self.outlets[AIR].ways if way.settings.cut or not way.settings.present)
-            air = AirFrame(incarnation, sent - 1, start, airtime, payload, sent, None, tuple(copies), shaded)
+            air = AirFrame(incarnation, sent - 1, start, airtime, payload, sent, None, _by_target(copies), shaded)
             self._put(name, air)
 
     # -- changes ------------------------------------------------------------------------------------------------
@@ -263,3 +263,10 @@ class Sending:
                 waiting.setdefault(target, []).append(sequence)
         for target, sequences in waiting.items():
             self._node.journal.events.append({"event": "queued", "target": target, "sequences": sequences})
+
+
+def _by_target(copies: Iterable[Copy]) -> dict[str, tuple[Copy, ...]]:
+    arrivals: dict[str, tuple[Copy, ...]] = {}
+    for copy in copies:
+        arrivals[copy.target] = (*arrivals.get(copy.target, ()), copy)
+    return arrivals

@@ -107,6 +107,17 @@ def delay(agents: int, degree: int, rate: float, seconds: float, latency_ms: flo
     return delay_summary([error - swarm.epoch_ns for errors in collected.reports["error"] for error in errors])
 
 
+def pipe(rate: float, seconds: float, latency_ms: float) -> dict[str, float]:
+    """Mean and 99th percentile in µs of the time from start to handled on the one edge of two agents, in realtime."""
+    settings = LinkSettings(latency=Constant(int(latency_ms * 1e6)))
+    collected, swarm = run(pulses("bench_agents:Stopwatch", {"1": ("2",), "2": ("1",)}, rate, seconds, settings))
+    errors = [error - swarm.epoch_ns for of_one in collected.reports["error"] for error in of_one]
+    late = delay_summary(errors)
+    latency_us = latency_ms * 1e3
+    mean_us = latency_us + sum(errors) / len(errors) / 1e3
+    return {"delay_us": mean_us, "p99_us": latency_us + late["p99"], "frames": late["frames"]}
+
+
 def cpu(agents: int, degree: int, rate: float, seconds: float, latency_ms: float) -> dict[str, float]:
     """Processor time of all agents per frame handled, in µs, in a realtime run."""
     settings = LinkSettings(latency=Constant(int(latency_ms * 1e6)))

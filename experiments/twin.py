@@ -67,12 +67,12 @@ class Twin:
 
     def _carry(self, source: str) -> Put:
         def put(outlet: str, message: Message) -> None:
-            data = encode(message)
+            carried = decode(encode(message))
             for target in self._reached(source, outlet):
                 node = self.nodes[target]
                 last = self._last_heard.get(((source, message.incarnation), (target, node.incarnation)))
                 if last is None or last >= message.sent:
-                    node.receive(source, decode(data))
+                    node.receive(source, carried)
 
         return put
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import msgpack
@@ -18,7 +19,7 @@ from ..errors import VoleryError
 from .links import DELIVERED
 from .propagation import Copy
 
-VERSION = 2
+VERSION = 3
 _HEAD = struct.Struct("<BI")
 
 
@@ -48,9 +49,8 @@ class Frame(NamedTuple):
 class AirFrame(NamedTuple):
     """What a radio transmitted, or a bare promise (`sequence` is then −1): heard by all its neighbours.
 
-    `sequence` counts the radio's transmissions. `copies`: the arrivals, (target, sequence on the link, copy, due_ns,
-    verdict). `shaded`: the neighbours that hear nothing of it, because their link is cut or not there.
-    `sent` and `promise_ns` as in `Frame`.
+    `sequence` counts the radio's transmissions. `copies`: target → its arrivals. `shaded`: the
+    neighbours that hear nothing of it, because their link is cut or not there. `sent` and `promise_ns` as in `Frame`.
     """
 
     incarnation: int
@@ -60,31 +60,32 @@ class AirFrame(NamedTuple):
     payload: bytes
     sent: int
     promise_ns: int | None
-    copies: tuple[Copy, ...]
+    copies: Mapping[str, tuple[Copy, ...]]
     shaded: tuple[str, ...]
 
     @property
     def due_ns(self) -> int:
         """When the first of its arrivals is due; its start, where there is none."""
-        return min((copy.due_ns for copy in self.copies), default=self.start_ns)
+        return min(
+            (due_ns for arrivals in self.copies.values() for _, _, _, due_ns, _ in arrivals), default=self.start_ns
+        )
 
     def for_target(self, target: str) -> list[Frame]:
         """The frames that arrive at one neighbour."""
         return [
             Frame(
                 self.incarnation,
-                copy.sequence,
+                sequence,
                 self.start_ns,
                 self.airtime_ns,
-                copy.due_ns,
-                copy.verdict,
-                self.payload if copy.verdict == DELIVERED else b"",
+                due_ns,
+                verdict,
+                self.payload if verdict == DELIVERED else b"",
                 self.sent,
                 self.promise_ns,
-                copy.copy,
+                copy,
             )
-            for copy in self.copies
-            if copy.target == target
+            for _, sequence, copy, due_ns, verdict in self.copies.get(target, ())
         ]
 
 
@@ -99,7 +100,7 @@ def promise(incarnation: int, promise_ns: int, sent: int) -> Frame:
 
 def air_promise(incarnation: int, promise_ns: int, sent: int) -> AirFrame:
     """The promise of a radio, to all that hear it."""
-    return AirFrame(incarnation, PROMISE_ONLY, 0, 0, b"", sent, promise_ns, (), ())
+    return AirFrame(incarnation, PROMISE_ONLY, 0, 0, b"", sent, promise_ns, {}, ())
 
 
 def encode(frame: Message) -> bytes:
@@ -120,12 +121,11 @@ def decode(data: bytes) -> Message:
     if zlib.crc32(body) != _HEAD.unpack_from(data)[1]:
         raise DamagedFrame(f"frame of {len(data)} bytes: the checksum does not fit")
     try:
-        fields = msgpack.unpackb(body)
+        fields = msgpack.unpackb(body, use_list=False)
     except (ValueError, msgpack.UnpackException) as error:
         raise DamagedFrame(f"frame of {len(data)} bytes: not MessagePack ({error})") from error
-    if isinstance(fields, list) and len(fields) == len(Frame._fields):
+    if isinstance(fields, tuple) and len(fields) == len(Frame._fields):
         return Frame(*fields)
-    if isinstance(fields, list) and len(fields) == len(AirFrame._fields):
-        fields[-2:] = tuple(Copy(*copy) for copy in fields[-2]), tuple(fields[-1])
+    if isinstance(fields, tuple) and len(fields) == len(AirFrame._fields):
         return AirFrame(*fields)
     raise DamagedFrame(f"frame of {len(data)} bytes: not {len(Frame._fields)} or {len(AirFrame._fields)} fields")

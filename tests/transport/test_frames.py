@@ -37,7 +37,7 @@ air_frames = st.builds(
     payload=st.binary(max_size=60),
     sent=whole,
     promise_ns=st.none() | whole,
-    copies=st.lists(copies, max_size=4).map(tuple),
+    copies=st.dictionaries(names, st.lists(copies, max_size=2).map(tuple), max_size=4),
     shaded=st.lists(names, max_size=3).map(tuple),
 )
 
@@ -54,10 +54,10 @@ def test_what_a_radio_sends_comes_back_with_what_arrives_where(air: AirFrame, ta
     assert decode(encode(air)) == air
     arrivals = air.for_target(target)
     assert [(one.sequence, one.copy, one.due_ns, one.verdict) for one in arrivals] == [
-        tuple(copy)[1:] for copy in air.copies if copy.target == target
+        tuple(copy)[1:] for copy in air.copies.get(target, ())
     ]
     assert all(one.payload == (air.payload if one.verdict == "delivered" else b"") for one in arrivals)
-    assert air.due_ns == min((copy.due_ns for copy in air.copies), default=air.start_ns)
+    assert air.due_ns == min((copy.due_ns for one in air.copies.values() for copy in one), default=air.start_ns)
 
 
 @given(whole, whole)
