@@ -19,7 +19,8 @@ from volery.experiments.twin import Twin
 from volery.transport.csma import Csma
 
 PAYLOAD_BYTES, OVERHEAD_BYTES, RATE = 40, 17, 250_000
-AIRTIME_S = (PAYLOAD_BYTES + OVERHEAD_BYTES) * 8 / RATE
+FRAME_BYTES = PAYLOAD_BYTES + OVERHEAD_BYTES
+AIRTIME_S = FRAME_BYTES * 8 / RATE
 LOAD = 0.3
 ACCESS = Csma()
 PERIOD_S, CCA_S, TURNAROUND_S = ACCESS.period / 1e9, ACCESS.cca / 1e9, ACCESS.turnaround / 1e9
