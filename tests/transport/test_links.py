@@ -211,7 +211,7 @@ def test_the_first_cause_counts(verdict: str, deaf: bool, expected: str) -> None
 
 
 def test_a_frame_sent_ahead_takes_up_room_until_its_start(sending_end: Any) -> None:
-    """With room for one frame, a second one is refused before the first has started, and taken from then on."""
+    """With room for one frame, a second one is refused until the first has started, and taken after that instant."""
     settings = LinkSettings(rate=8000.0, queue=Queue(limit=1))
     link = sending_end(settings)
     assert link.offer(0, b"x") == []
@@ -220,5 +220,5 @@ def test_a_frame_sent_ahead_takes_up_room_until_its_start(sending_end: Any) -> N
     start = link.next_start(0)
     assert start == MS
     link.transmit(start, ahead=True)
-    assert link.offer(start - 1, b"z") == [2]
-    assert link.offer(start, b"z") == []
+    assert link.offer(start, b"z") == [2]
+    assert link.offer(start + 1, b"z") == []
