@@ -166,6 +166,7 @@ def throughput(figure: Figure) -> Iterator[str]:
         (True, "pure ALOHA, Abramson 1970", "--"),
     ):
         axes.plot(line, modelled(hidden, line), dash, color=BLACK, label=label)
+    axes.plot(line, line * np.exp(-line), ":", color=BLACK, label="slotted ALOHA, Roberts 1975")
     for name, access, topology, marker, colour in CASES:
         points = [measured(access, topology, load) for load in LOADS]
         tried, through, given_up = np.array(points).T
