@@ -6,6 +6,7 @@ A value of a round is a plain vector; None where there is nothing to say yet.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -54,6 +55,12 @@ class Rounds(Protocol):
     def estimate(self) -> Vector | None:
         """(z, γ, β) [m, rad, rad] as the linearised model has it, or None while it cannot be told."""
 
+    def save(self) -> Any:
+        """What a death may leave to the next life, as plain values; None for nothing."""
+
+    def restore(self, saved: Any) -> None:
+        """Go on from there."""
+
 
 class ConsensusRounds:
     """Consensus on information pairs, Kriegleder 2012, (21)-(30), by any law of average consensus.
@@ -90,6 +97,18 @@ class ConsensusRounds:
     def estimate(self) -> Vector | None:
         """P⁻¹ q of the averages held."""
         return None if self._state is None else estimate(unpack_pair(self._law.value(self._state)))
+
+    def save(self) -> Any:
+        """The state of the law, member by member."""
+        if self._state is None:
+            return None
+        return {member.name: _to_plain(getattr(self._state, member.name)) for member in fields(self._state)}
+
+    def restore(self, saved: Any) -> None:
+        """The same state, to the last bit."""
+        if saved is not None:
+            begun = self._law.start(np.zeros(PACKED_SIZE), self._weights)
+            self._state = replace(begun, **{name: _from_plain(value) for name, value in saved.items()})
 
 
 class NeighbourhoodRounds:
@@ -138,6 +157,25 @@ class NeighbourhoodRounds:
     def estimate(self) -> Vector | None:
         """What it holds."""
         return None if self._held is None else self._held.state
+
+    def save(self) -> None:
+        """Each sample begins anew, so there is nothing to keep."""
+
+    def restore(self, saved: Any) -> None:
+        """Nothing was kept."""
+
+
+def _to_plain(value: Any) -> Any:
+    """A vector, a number, or several of them by name, as MessagePack has them."""
+    if isinstance(value, Mapping):
+        return {name: _to_plain(member) for name, member in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _from_plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _from_plain(member) for name, member in value.items()}
+    return np.array(value) if isinstance(value, list) else value
 
 
 def _in_order(received: Mapping[str, Vector]) -> list[Vector]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ class DfaModule(Agent):
     def __init__(self, context: Context, parameters: DfaParameters) -> None:
         super().__init__(context, parameters)
         self._phase_ns = int(parameters.spread_ns() * context.random("phase").uniform(0))
-        self._sampled = False
+        self._running = self._sampled = False
         self._latest: float | None = None
         self._open: Tag = _NEWEST
         self._heard: dict[Tag, dict[str, NDArray[np.float64]]] = {}
@@ -55,8 +56,9 @@ class DfaModule(Agent):
 
     def on_sample(self, sample: Sample) -> None:
         """Start the rounds of this sample; an asynchronous estimator takes it in where it stands."""
-        first, self._sampled = not self._sampled, True
-        if first or not self.parameters.hold:
+        first, self._running = not self._running, True
+        if not self._sampled or not self.parameters.hold:
+            self._sampled = True
             self._latest = None if sample.value is None else float(sample.value[0])
             if not self._synchronous:
                 self._rounds.take(self._latest)
@@ -120,6 +122,15 @@ class DfaModule(Agent):
         sample, number, vector = payloads.decode(frame.payload)
         if not self._synchronous or not _before((sample, number), self._open):
             self._heard.setdefault((sample, number), {})[frame.source] = vector
+
+    def save(self) -> Any:
+        """The latest sample, and where an asynchronous estimator stands; a synchronous one begins anew each time."""
+        return [self._sampled, self._latest, None if self._synchronous else self._rounds.save()]
+
+    def restore(self, state: Any) -> None:
+        """Go on from there at the next sample, with what neighbours were told and have told before the death."""
+        self._sampled, self._latest, saved = state
+        self._rounds.restore(saved)
 
     @classmethod
     def largest_payload(cls, parameters: DfaParameters) -> int:

@@ -22,7 +22,7 @@ from volery.errors import BadInput
 from volery.experiments.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.randomness import Stream, stream
-from volery.transport.faults import Fault, Pause
+from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant, Uniform
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
@@ -352,3 +352,17 @@ def test_phases_are_spread_or_aligned() -> None:
     offsets = {batch.agent: batch.sent[0].start_ns % (25 * MS) for batch in record.batches.values()}
     assert len(set(offsets.values())) == 5
     assert all(MS <= offset < MS + 25 * MS // 8 for offset in offsets.values())
+
+
+@pytest.mark.parametrize("keep", [True, False])
+@pytest.mark.parametrize("estimator", ["metropolis-least-squares", "running-sum", "flow-updating"])
+def test_a_kept_state_is_gone_on_with(estimator: str, keep: bool) -> None:
+    """After 300 rounds all agree but for rounding: one that comes back with its state still does, and else it does not.
+
+    One that begins with its own measurement alone is off by its noise, of 5 mm, shared with few others at first.
+    """
+    faults = [Kill("k", 1510 * MS, 1700 * MS, "3", keep)]
+    asynchronous = {"estimator": estimator, "timing": "asynchronous", "rounds": 10, "payload": "float64"}
+    record = run(plan_of(topologies.random_hexagonal(6, 2), None, 2000, faults, hold=True, **asynchronous))
+    before, after = (np.array(record.batches["3", life].estimates[-1 + life].value) for life in (0, 1))
+    assert bool(np.abs(before - after).max() < 1e-9) is keep

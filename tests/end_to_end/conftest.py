@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import subprocess
+import sys
+from collections.abc import Awaitable, Callable, Iterator
 
 import pytest
 
@@ -16,6 +18,7 @@ from volery.experiments.scenario import load_scenario
 from volery.experiments.swarm import Ending, Swarm
 
 LIMIT_S = 90
+BURN_S = 60
 Meanwhile = Callable[[Swarm, Injector], Awaitable[None]]
 
 
@@ -58,3 +61,14 @@ def plan_of() -> Callable[..., Plan]:
         return compile_plan(load_scenario(name, overrides))
 
     return plan
+
+
+@pytest.fixture
+def busy_cores() -> Iterator[None]:
+    """Both cores at work on something else."""
+    burn = f"import time\nend = time.monotonic() + {BURN_S}\nwhile time.monotonic() < end: pass"
+    burners = [subprocess.Popen([sys.executable, "-c", burn]) for _ in range(2)]
+    yield
+    for burner in burners:
+        burner.kill()
+        burner.wait()

@@ -113,6 +113,31 @@ def test_kills_and_restarts_in_lockstep(plan_of: PlanOf) -> None:
     assert list(compare(record, replay(record), 0.0)) == []
 
 
+@pytest.mark.usefixtures("busy_cores")
+def test_everything_in_lockstep_on_a_busy_machine(plan_of: PlanOf) -> None:
+    """Losses, a kill with a return and a pause of the timeline, and live faults, with both cores at other work."""
+    faults = "faults=[{at: 200 ms, for: 300 ms, kill: 7}, {at: 400 ms, for: 200 ms, pause: 2}]"
+    plan = plan_of("dfa16-lossy", "duration=600 s", faults)
+
+    async def meddle(swarm: Swarm, injector: Injector) -> None:
+        await injector.inject(
+            {"where": "all", "set": {"loss": {"bernoulli": 0.3}, "latency": "12 ms"}, "for": "300 ms"}
+        )
+        await injector.inject({"kill": "5"})
+        await until(lambda: not swarm.is_alive("5"))
+        await injector.restart("5")
+        await until(lambda: {"5", "7"} <= swarm.status.alive)
+        await a_while(swarm)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", meddle)
+    assert ending.problems == ()
+    assert {event["agent"] for event in record.events if event["event"] == "restarted"} == {"5", "7"}
+    assert all(record.batches[agent, 1].heard for agent in ("5", "7"))
+    assert all(link.closes and not link.missing for link in account(record).values())
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
 def test_a_restart_that_keeps_the_state(plan_of: PlanOf) -> None:
     """What an agent saves at its death its next life has, over Zenoh as in the twin; without it, it begins anew."""
     kills = (Kill("t1", 2500 * MS, 2700 * MS, "2", keep_state=True), Kill("t2", 2500 * MS, 2700 * MS, "3"))

@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +22,7 @@ from volery.experiments.swarm import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport import zenoh_session as zs
 from volery.transport.faults import Hog
+from volery.transport.frames import encode, promise
 from volery.transport.keys import Keys
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -31,7 +30,6 @@ from volery.transport.links import LinkSettings
 from .conftest import run_swarm, until
 
 PlanOf = Callable[..., Plan]
-BURN_S = 60
 
 
 def departures(record: Record) -> list[str]:
@@ -62,17 +60,6 @@ def check_accounts(record: Record) -> None:
     accounts = account(record)
     assert set(accounts) == set(record.plan.links)
     assert all(link.closes for link in accounts.values()), total(accounts.values())
-
-
-@pytest.fixture
-def busy_cores() -> Iterator[None]:
-    """Both cores at work on something else."""
-    burn = f"import time\nend = time.monotonic() + {BURN_S}\nwhile time.monotonic() < end: pass"
-    burners = [subprocess.Popen([sys.executable, "-c", burn]) for _ in range(2)]
-    yield
-    for burner in burners:
-        burner.kill()
-        burner.wait()
 
 
 def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
@@ -215,6 +202,20 @@ def test_a_stopped_process_counts_as_dead(plan_of: PlanOf) -> None:
     assert all(link.closes and not link.missing for link in accounts.values())
     assert any(link.unknown for link in accounts.values())
     assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_a_frame_that_the_middleware_loses_ends_the_run(plan_of: PlanOf) -> None:
+    """The next message says that more were sent than have come; the run fails, and names the link."""
+    plan = plan_of("dfa4", "duration=600 s", "faults=[]")
+
+    async def pretend(swarm: Swarm, _: Injector) -> None:
+        session = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("1", swarm.passwords["1"]))
+        session.put(Keys("test").link("1", "2"), encode(promise(0, 0, 10_000)))
+        await until(lambda: not swarm.is_alive("2"))
+        await asyncio.to_thread(session.close)
+
+    _, ending = run_swarm(plan, "lockstep", pretend)
+    assert any("link 1>2: 10000 frames were sent" in problem for problem in ending.problems)
 
 
 def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
