@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -134,6 +136,39 @@ def test_everything_in_lockstep_on_a_busy_machine(plan_of: PlanOf) -> None:
     assert ending.problems == ()
     assert {event["agent"] for event in record.events if event["event"] == "restarted"} == {"5", "7"}
     assert all(record.batches[agent, 1].heard for agent in ("5", "7"))
+    assert all(link.closes and not link.missing for link in account(record).values())
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_several_lives_and_an_end_from_outside_before_a_kill(plan_of: PlanOf) -> None:
+    """Who dies twice comes back twice, nobody is brought back twice, and a kill that was to come does not bring back."""
+    faults = (
+        "faults=[{at: 200 ms, for: 200 ms, kill: 7}, {at: 500 ms, for: 200 ms, kill: 7}, {at: 5 s, for: 1 s, kill: 9}]"
+    )
+    plan = plan_of("dfa16-lossy", "duration=600 s", faults)
+
+    async def meddle(swarm: Swarm, injector: Injector) -> None:
+        with pytest.raises(BadInput, match="agent 12 comes back by itself"):
+            await injector.inject({"kill": "12", "for": "2 s"})
+            await injector.restart("12")
+        os.kill(swarm.pids()["9"], signal.SIGKILL)
+        await until(lambda: swarm.current("7") == ("7", 2) and "7" in swarm.status.alive)
+        await until(lambda: swarm.current("12") == ("12", 1) and "12" in swarm.status.alive)
+        await until(lambda: swarm.status.time_ns > 6_500_000_000)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", meddle)
+    assert ending.problems == ()
+    died = {
+        (event["agent"], event["incarnation"]): event["cause"] for event in record.events if event["event"] == "died"
+    }
+    assert died.pop(("9", 0)) == "was killed from outside"
+    assert died == dict.fromkeys([("7", 0), ("7", 1), ("12", 0)], "injected")
+    assert {(life, incarnation) for life, incarnation in record.batches if incarnation} == {
+        ("7", 1),
+        ("7", 2),
+        ("12", 1),
+    }
     assert all(link.closes and not link.missing for link in account(record).values())
     assert list(compare(record, replay(record), 0.0)) == []
 
