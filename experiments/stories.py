@@ -200,7 +200,7 @@ class _Court:
         broken = (link[0], incarnation) in self._broken_off
         if number in told.sent:
             return self._unheard(link[1], told.sent[number], last=told.is_last(number), broken=broken)
-        return UNKNOWN if broken and number[0] > told.last_told else MISSING
+        return UNKNOWN if broken else MISSING
 
     def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:
         """The fate of a frame that was sent and that nobody wrote down as heard.
@@ -221,5 +221,5 @@ class _Court:
         if heard is None:
             return False
         if sent is None:
-            return life not in self._broken_off or number[0] <= told.last_told
+            return life not in self._broken_off
         return sent.due_ns != heard.due_ns or (heard.fate == DELIVERED and sent.verdict != DELIVERED)

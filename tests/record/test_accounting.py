@@ -182,6 +182,17 @@ def test_frames_of_which_only_the_receiver_tells(record_of: Make, sent: Make, he
     assert (one.offered, one.delivered, one.unknown) == (3, 2, 1)
 
 
+def test_queues_do_not_keep_the_order_of_sequence_numbers(record_of: Make, sent: Make, heard: Make) -> None:
+    """Killed from outside: 2 waited or left after the last entry while 3 was thrown out; 0 took its place behind 1."""
+    died = {"event": "died", "agent": "1", "incarnation": 0, "time_ns": 60 * MS, "cause": "was killed from outside"}
+    sender = Batch("1", 0, sent=[sent(1, 0), sent(0, 10)], dropped=[Dropped("2", 3, 20 * MS, "queue")])
+    for more, unknown in (([], 2), ([heard(2, 30)], 0)):
+        receiver = Batch("2", 0, heard=[heard(1, 0), *([heard(0, 10)] if more else []), *more])
+        one = of_link(record_of(sender, receiver, events=[died]))
+        assert one.closes
+        assert (one.queue, one.unknown, one.missing, one.contradicted) == (1, unknown, 0, 0)
+
+
 def test_late_frames_and_incarnations_are_kept_apart(record_of: Make, sent: Make, heard: Make) -> None:
     """Sequence numbers begin anew with each incarnation; a late frame is counted and keeps its fate."""
     kill = Kill("t1", 50 * MS, 60 * MS, "1")
