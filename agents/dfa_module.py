@@ -1,8 +1,9 @@
 """A module of the Distributed Flight Array: a distance sensor, infrared links, and an estimator in rounds.
 
 Synchronous rounds belong to a sample: each sample starts the estimator anew, a round uses only frames of its own
-(sample, round), and the estimate is there when the last round is. Asynchronous rounds go on and on: they use what was
-heard last, whatever round it was of, and a new sample moves the own input.
+(sample, round), and the estimate is there when the last round is. Where the graph changes, all rounds of a sample
+have the neighbours and degrees of its first one. Asynchronous rounds go on and on: they use what was heard last,
+whatever round it was of, and a new sample moves the own input.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class DfaModule(Agent):
     def _fresh(self) -> Rounds:
         position = self.context.position
         assert position is not None, "problems() refuses arrays without positions"
+        self._partners = self.context.neighbours
         own = self.context.degrees[self.context.name]
         weights = {other: metropolis_weight(own, self.context.degrees[other]) for other in self.context.neighbours}
         return rounds(self.parameters.estimator, position, weights)
@@ -98,7 +100,8 @@ class DfaModule(Agent):
 
     def _end_round(self, sample: int, number: int, tag: Tag) -> None:
         """Use what was heard for this round; report after the last round of a sample, on request after each."""
-        self._rounds.hear(self._heard.pop(tag, {}))
+        heard = self._heard.pop(tag, {})
+        self._rounds.hear({source: vector for source, vector in heard.items() if source in self._partners})
         state = self._rounds.estimate()
         if state is None:
             return
@@ -111,9 +114,9 @@ class DfaModule(Agent):
             self.context.report("estimate/round", state, sample * each + number)
 
     def _tell(self, tag: Tag) -> None:
-        for other in self.context.neighbours:
+        for other in self._partners:
             vector = self._rounds.message(other)
-            if vector is not None:
+            if vector is not None and other in self.context.neighbours:
                 payload = payloads.encode([*tag, vector], self.parameters.payload)
                 self.context.send(other, payload, stream="round")
 

@@ -45,7 +45,15 @@ def problems(plan: Plan) -> Sequence[str]:
         return ["dfa-module needs positions: use a topology that has them, such as hexagonal or cells"]
     if not noncollinear(positions):
         return ["the modules are on one line, so roll and pitch cannot be told apart: add a cell off the line"]
-    return list(chain(_other_rates(plan), _late_rounds(plan)))
+    return list(chain(_other_rates(plan), _unsteady(plan), _late_rounds(plan)))
+
+
+def _unsteady(plan: Plan) -> Iterator[str]:
+    if plan.presence and any(agent.parameters.timing == "asynchronous" for agent in plan.agents):
+        yield (
+            "asynchronous estimators remember what each neighbour was told, so the graph must not change: "
+            "use timing: synchronous, whose rounds begin anew with each sample"
+        )
 
 
 def _other_rates(plan: Plan) -> Iterator[str]:

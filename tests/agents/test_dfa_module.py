@@ -366,3 +366,21 @@ def test_a_kept_state_is_gone_on_with(estimator: str, keep: bool) -> None:
     record = run(plan_of(topologies.random_hexagonal(6, 2), None, 2000, faults, hold=True, **asynchronous))
     before, after = (np.array(record.batches["3", life].estimates[-1 + life].value) for life in (0, 1))
     assert bool(np.abs(before - after).max() < 1e-9) is keep
+
+
+def test_each_sample_has_the_neighbours_of_its_first_round() -> None:
+    """The edge 1-2 of a complete graph is gone from 110 to 405 ms: samples that begin meanwhile miss the average."""
+    here = ((0, 110 * MS), (405 * MS, 600 * MS))
+    plan = plan_of(COMPLETE, duration_ms=600, rounds=1, payload="float64")
+    steady = dict.fromkeys([("1", "2"), ("2", "1")], here)
+    off = errors(run(replace(plan, presence=steady)))
+    for agent in "12":
+        assert [sample for sample, error in enumerate(off[agent]) if error > 1e-12] == [3, 4, 5, 6, 7, 8]
+
+
+def test_an_asynchronous_estimator_needs_a_steady_graph() -> None:
+    """What a neighbour was told would be missing, or counted twice, when it comes back."""
+    plan = plan_of(COMPLETE, estimator="running-sum", timing="asynchronous")
+    assert list(DfaModule.problems(plan)) == []
+    (problem,) = DfaModule.problems(replace(plan, presence={("1", "2"): ((0, 110 * MS),)}))
+    assert "use timing: synchronous" in problem
