@@ -81,7 +81,7 @@ class Lockstep:
 
     def now_ns(self) -> int:
         """Nominal time of the last event."""
-        return self._node.now_ns
+        return 0 if self._unborn() else self._node.now_ns
 
     def put(self, outlet: str, frame: Message) -> None:
         """Keep a frame until the turn is over, when it is known what can be promised with it."""
@@ -89,13 +89,21 @@ class Lockstep:
 
     def _promise(self) -> dict[str, int]:
         """New promises, never behind what was told; but for those for ever, none reaches past the end of the run."""
-        promises = self._node.promises(max(self._horizon.safe_ns(), self._node.start_ns))
+        start_ns = self._node.start_ns
+        if self._unborn():
+            return dict.fromkeys(self._told, start_ns)
+        promises = self._node.promises(max(self._horizon.safe_ns(), start_ns))
         for outlet, promise_ns in promises.items():
             if promise_ns < FOREVER_NS:
                 promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
             elif promise_ns < OVER_NS:
                 promises[outlet] = self._horizon.forever_ns()
         return promises
+
+    def _unborn(self) -> bool:
+        """Whether nobody has reached the beginning of the own life: before it nothing starts, whatever happens."""
+        start_ns = self._node.start_ns
+        return 0 < start_ns >= max([self._horizon.safe_ns(), *self._told.values()])
 
     def _speak(self) -> None:
         """Put the frames of this turn, the last of an outlet with its promise; the other outlets are told news only.
@@ -175,6 +183,8 @@ class Lockstep:
     def hold(self) -> int:
         """Stand still; the instant that no event handled and no promise given has passed."""
         self._held = True
+        if self._unborn():
+            return 0
         promised = max((told for told in self._told.values() if told < FOREVER_NS), default=0)
         return max(promised, self._node.now_ns)
 
@@ -190,7 +200,7 @@ class Lockstep:
 
     def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         """Arm live faults while held; their instant lies beyond every promise."""
-        in_time = instant_ns > self._node.now_ns
+        in_time = instant_ns > self._node.now_ns or self._unborn()
         for fault in faults:
             self._node.arm(fault)
         self._horizon.intervene(instant_ns)

@@ -80,6 +80,8 @@ class Restarts:
         async with swarm.intervening:
             if until_ns < swarm.end_ns:
                 await self.revive(key, kill, until_ns)
+            else:
+                swarm.dismiss(key)
         self._standing_by.discard(kill.agent)
 
     async def _life_before(self, kill: Kill) -> None:

@@ -201,7 +201,7 @@ class Swarm:
     def _background_ended(self, task: asyncio.Task[None]) -> None:
         """What goes wrong in the background ends the run, and is told."""
         self._tasks.discard(task)
-        if not task.cancelled() and (error := task.exception()) is not None:
+        if not task.cancelled() and (error := task.exception()):
             self._problems.append(str(error) or repr(error))
             self._over.set()
 
@@ -248,6 +248,11 @@ class Swarm:
         """The process of the last life of an agent before this one."""
         name, incarnation = key
         return self._members[name, max(life for agent, life in self._members if agent == name and life < incarnation)]
+
+    def dismiss(self, key: tuple[str, int]) -> None:
+        """The run ends before a process on standby is needed."""
+        self._members[key].done = True
+        self._check_over()
 
     async def bring_to_life(self, key: tuple[str, int], start_ns: int, saved: bytes | None) -> None:
         """Let a process on standby live from an instant on, with what the life before has left."""
@@ -320,8 +325,7 @@ class Swarm:
         member.ended.set()
         if self._living.get(name) == incarnation:
             self.status.alive.discard(name)
-        told_to_go = member.done or self._over.is_set()
-        if told_to_go and member.process.exitcode == 0:
+        if (member.done or self._over.is_set()) and member.process.exitcode == 0:
             member.buried.set()
             self._check_over()
         else:
@@ -329,13 +333,12 @@ class Swarm:
 
     async def _bury(self, name: str, incarnation: int, time_ns: int) -> None:
         """Who ended from outside nobody waits for any more, and what has not come of it never does."""
-        member = self._members[name, incarnation]
-        cause = await member.cause()
+        cause = await self._members[name, incarnation].cause()
         death = {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": time_ns, "cause": cause}
         self._sink.event(death)
         if cause != INJECTED:
             await self._end_from_outside(name, incarnation, cause)
-        member.buried.set()
+        self._members[name, incarnation].buried.set()
         self._check_over()
 
     async def _end_from_outside(self, name: str, incarnation: int, cause: str) -> None:
@@ -371,9 +374,8 @@ class Swarm:
 
     async def _finish(self) -> None:
         """Let the agents go, once their last batches are here."""
-        for member in list(self._members.values()):
-            if member.ended.is_set():
-                await member.buried.wait()
+        for member in [member for member in self._members.values() if member.ended.is_set()]:
+            await member.buried.wait()
         last = await self.order({"do": "stop"})
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_LEAVE_TIMEOUT_S):

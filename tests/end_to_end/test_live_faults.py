@@ -128,7 +128,7 @@ def test_everything_in_lockstep_on_a_busy_machine(plan_of: PlanOf) -> None:
         await injector.inject({"kill": "5"})
         await until(lambda: not swarm.is_alive("5"))
         await injector.restart("5")
-        await until(lambda: {"5", "7"} <= swarm.status.alive)
+        await until(lambda: swarm.current("7") == ("7", 1) and {"5", "7"} <= swarm.status.alive)
         await a_while(swarm)
         await swarm.stop()
 
@@ -162,6 +162,25 @@ def test_several_lives_and_an_end_from_outside_before_a_kill(plan_of: PlanOf) ->
     assert died.pop(("9", 0)) == "was killed from outside"
     assert died == dict.fromkeys([("7", 0), ("7", 1), ("12", 0)], "injected")
     assert {life for life in record.batches if life[1]} == {("7", 1), ("7", 2), ("12", 1)}
+    assert all(link.closes and not link.missing for link in account(record).values())
+    assert list(compare(record, replay(record), 0.0)) == []
+
+
+def test_nobody_waits_for_a_return_that_is_far_ahead(plan_of: PlanOf) -> None:
+    """Live faults take effect, and the run ends, long before the agent on standby comes to life."""
+    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[{at: 200 ms, for: 100 s, kill: 7}]")
+
+    async def meddle(swarm: Swarm, injector: Injector) -> None:
+        await until(lambda: swarm.current("7") == ("7", 1) and "7" in swarm.status.alive)
+        await injector.inject({"where": "all", "set": {"loss": {"bernoulli": 0.5}, "latency": "2 ms"}})
+        await a_while(swarm)
+        await swarm.stop()
+
+    record, ending = run_swarm(plan, "lockstep", meddle)
+    assert ending.problems == ()
+    assert not [event for event in record.events if event["event"] == "late-fault"]
+    assert record.end_ns is not None
+    assert record.end_ns < 100_000 * MS
     assert all(link.closes and not link.missing for link in account(record).values())
     assert list(compare(record, replay(record), 0.0)) == []
 
