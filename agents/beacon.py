@@ -45,11 +45,14 @@ class BeaconParameters:
         if not self.talkers:
             raise BadInput("talkers is empty, so nobody would send: write all, leaves, or names of agents")
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The agents that `talkers` names."""
+        return tuple(map(str, self.talkers)) if isinstance(self.talkers, tuple) else ()
+
     def talks(self, name: str, degree: int) -> bool:
         """Whether an agent of this name, with so many neighbours, sends."""
-        if isinstance(self.talkers, tuple):
-            return name in map(str, self.talkers)
-        return self.talkers == "all" or degree == 1
+        return name in self.named or self.talkers == "all" or (self.talkers == "leaves" and degree == 1)
 
 
 class Beacon(Agent):
@@ -141,10 +144,10 @@ class Beacon(Agent):
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """Names of nobody, or leaves where there are none."""
-        parameters: BeaconParameters = plan.agents[0].parameters
-        if isinstance(parameters.talkers, tuple):
-            strangers = [str(name) for name in parameters.talkers if str(name) not in {one.name for one in plan.agents}]
-            return [f"talkers names {', '.join(strangers)}, and there is no such agent"] if strangers else []
-        if not any(parameters.talks(agent.name, len(agent.neighbours)) for agent in plan.agents):
+        beacons = [agent for agent in plan.agents if isinstance(agent.parameters, BeaconParameters)]
+        named = {str(name) for agent in beacons for name in agent.parameters.named}
+        if strangers := sorted(named - {agent.name for agent in plan.agents}):
+            return [f"talkers names {', '.join(strangers)}, and there is no such agent"]
+        if not any(agent.parameters.talks(agent.name, len(agent.neighbours)) for agent in beacons):
             return ["talkers is leaves, and every agent has more than one neighbour: take a star, or name the talkers"]
         return []

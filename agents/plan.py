@@ -40,6 +40,48 @@ class Moving(Protocol):
         """Where an agent is at an instant, shape (2,) or (3,) [m]."""
 
 
+class Running(Protocol):
+    """A coupled world as it runs: a state machine without a clock, at the instant to which it was advanced last."""
+
+    def advance(self, time_ns: int) -> None:
+        """Go on to an instant, which is not before the present one."""
+
+    def act(self, agent: str, command: str, value: NDArray[np.float64]) -> None:
+        """An agent's command takes effect.
+
+        Raises:
+            BadInput: there is no such command, or it has another length.
+        """
+
+    def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
+        """The sensor's index-th sample, taken now; None where it sees nothing."""
+
+    def truth(self) -> Mapping[str, NDArray[np.float64]]:
+        """Quantity → its true value now; "quantity@agent" where it is that of one agent."""
+
+    def events(self) -> list[dict[str, Any]]:
+        """What happened since the last call, as {"event": …, "time_ns": …, …} of plain values."""
+
+
+@runtime_checkable
+class Coupled(Protocol):
+    """A world that agents act upon, so that what they measure hangs on what they did: it runs as an agent of its own.
+
+    `sense_delay_ns`: from the taking of a sample to its arrival at the agent. `act_delay_ns`: from a command to its
+    effect. Both are at least 1. `truth_rate`: how often the truth is written down [Hz].
+    """
+
+    sense_delay_ns: int
+    act_delay_ns: int
+    truth_rate: float
+
+    def sensors(self, agent: str) -> Mapping[str, float]:
+        """Sensor name → rate in Hz, for one agent."""
+
+    def begin(self) -> Running:
+        """The world at instant 0."""
+
+
 @dataclass(frozen=True)
 class AgentPlan:
     """One agent: its kind (a registered name or `package.module:Class`), parameters and place in the graph.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import networkx as nx
@@ -15,10 +16,10 @@ from ..transport.faults import Fault, LinkName
 from ..transport.links import LinkSettings
 from .contradictions import contradictions
 from .expansion import expand
-from .fault_places import Places, changed_links, group_problems
+from .fault_places import Places, changed_links, group_problems, parse_agents
 from .fitting import misfits
 from .reading import Problem
-from .schema import Scenario
+from .schema import AgentKind, Scenario
 from .slots import radio_slots
 from .writing import quantity
 
@@ -56,7 +57,7 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         scenario.name,
         scenario.seed,
         scenario.duration,
-        _agents(scenario, timed.union, placed=not isinstance(world, Moving)),
+        _agents(timed.union, _kinds(scenario, places, problems), placed=not isinstance(world, Moving)),
         links,
         world,
         faults,
@@ -91,18 +92,30 @@ def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGra
     return timed, _world(scenario, timed.union, problems)
 
 
-def _agents(scenario: Scenario, graph: nx.Graph, *, placed: bool) -> tuple[AgentPlan, ...]:
-    agents, positions = scenario.agents, topologies.positions(graph) if placed else {}
+def _kinds(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[str, AgentKind]:
+    kinds: dict[str, AgentKind] = dict.fromkeys(places.agents, scenario.agents)
+    for index, some in enumerate(scenario.agents.only):
+        try:
+            named = parse_agents(some.where, replace(places, fault_id=f"agents{index + 1}"))
+        except BadInput as error:
+            problems.append(Problem(("agents", "only", index, "where"), str(error)))
+            continue
+        kinds.update(dict.fromkeys(named, some))
+    return kinds
+
+
+def _agents(graph: nx.Graph, kinds: Mapping[str, AgentKind], *, placed: bool) -> tuple[AgentPlan, ...]:
+    positions = topologies.positions(graph) if placed else {}
     neighbours = {name: tuple(topologies.neighbours(graph, name)) for name in topologies.agents(graph)}
     return tuple(
         AgentPlan(
             name,
-            agents.kind,
-            agents.parameters,
+            kinds[name].kind,
+            kinds[name].parameters,
             near,
             {other: len(neighbours[other]) for other in (name, *near)},
             positions.get(name),
-            agents.compute,
+            kinds[name].compute,
         )
         for name, near in neighbours.items()
     )
@@ -138,14 +151,14 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
     if scenario.world is None:
         return None
     positions = topologies.positions(graph)
-    if not positions and scenario.world.get("kind") != worlds.MOVING:
-        kind = next(iter(scenario.topology))
-        text = f"a world needs agents with positions, and topology {kind!r} has none: take an array, or drop the world"
-        problems.append(Problem(("world",), text))
-        return None
     try:
+        if not positions and worlds.needs_places(scenario.world):
+            kind = next(iter(scenario.topology))
+            text = f"agents of topology {kind} have no positions, and this world needs them"
+            raise BadInput(f"world: {text}: take an array, or drop the world")
         places = {name: (x, y) for name, (x, y, *_) in positions.items()}
-        return worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
+        world: World = worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
     except BadInput as error:
         problems.append(_placed(error, "world"))
         return None
+    return world

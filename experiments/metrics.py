@@ -246,7 +246,8 @@ def _error_metrics(course: Course, steady: NDArray[np.bool_], threshold: float |
 
 def component_labels(record: Record, quantity: str, count: int) -> list[tuple[str, str, float]]:
     """Name, unit and factor to that unit of each component, numbered where the agents do not name them."""
-    labels = find(record.plan.agents[0].kind).labels(quantity)
+    reporter = next(iter(record.estimates(quantity)))
+    labels = find(record.plan.agent(reporter).kind).labels(quantity)
     return list(labels) or [(f"{quantity} [{number}]" if count > 1 else quantity, "", 1.0) for number in range(count)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Any, get_type_hints
 
 from pydantic import (
@@ -26,16 +26,15 @@ from ..agents.plan import MILLISECOND_NS
 from ..errors import BadInput
 from ..units import Nanoseconds
 from .explaining import schema_fields
-from .fault_places import read_groups
+from .fault_places import read_groups, read_words
 from .link_schema import STRICT, LinkFields, Links, LinksFields, Reader, read_links, validated
 from .reading import Loc
 from .timeline import FaultEntry
 from .writing import quantity, spelled
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_AGENT_FIELDS = ("kind", "compute")
-_PARAMETERS = ("agents", "parameters", "parameters")
-"""Where the validator sees what the file has beside `kind` and `compute`."""
+_PARAMETERS = ("parameters", "parameters")
+"""Where the validator sees, below `agents` and its `only`, what the file has beside the fields of every kind."""
 
 
 def _known_kind(kind: str) -> str:
@@ -55,8 +54,8 @@ def _parameters_adapter(kind: str) -> TypeAdapter[Any]:
     return TypeAdapter(create_model("AgentParameters", __config__=STRICT, parameters=(parameters, ...)))
 
 
-class Agents(BaseModel):
-    """What runs in each agent: `kind`, its `compute` time [ns], and the kind's own parameters."""
+class AgentKind(BaseModel):
+    """What runs in agents: `kind`, its `compute` time [ns], and the kind's own parameters."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, json_schema_extra=_open_schema)
 
@@ -64,13 +63,19 @@ class Agents(BaseModel):
     compute: Nanoseconds = Field(default=MILLISECOND_NS, json_schema_extra={"default": "1 ms"})
     parameters: Any = Field(default_factory=dict, validate_default=True)
 
+    @classmethod
+    def fields_of_every_kind(cls) -> set[str]:
+        """What is no parameter of the kind."""
+        return cls.model_fields.keys() - {"parameters"}
+
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, written: Any) -> Any:
         if not isinstance(written, dict):
             return written
-        own = {name: written[name] for name in _AGENT_FIELDS if name in written}
-        return {**own, "parameters": {name: value for name, value in written.items() if name not in _AGENT_FIELDS}}
+        own = cls.fields_of_every_kind()
+        parameters = {name: value for name, value in written.items() if name not in own}
+        return {**{name: value for name, value in written.items() if name in own}, "parameters": parameters}
 
     @field_validator("compute")
     @classmethod
@@ -85,6 +90,21 @@ class Agents(BaseModel):
         if "kind" not in info.data:
             return written
         return validated(_parameters_adapter(info.data["kind"]), {"parameters": written}).parameters
+
+
+class SomeAgents(AgentKind):
+    """Another kind for some agents; `where` as in faults, later entries on top."""
+
+    where: Annotated[tuple[str, ...], Reader(read_words, str | int | list[str | int])]
+
+
+_SOME: TypeAdapter[tuple[SomeAgents, ...]] = TypeAdapter(tuple[SomeAgents, ...])
+
+
+class Agents(AgentKind):
+    """The kind of all agents and, under `only`, what others are."""
+
+    only: Annotated[tuple[SomeAgents, ...], Reader(partial(validated, _SOME), list[SomeAgents])] = ()
 
 
 def _name(name: str) -> str:
@@ -144,14 +164,16 @@ def json_schema() -> dict[str, Any]:
 
 def known_fields(data: Any, loc: Loc) -> set[str]:
     """Names that may stand in the mapping at a place of a scenario's data."""
-    if loc[:3] != _PARAMETERS:
+    of_some = loc[:2] == ("agents", "only")
+    within = loc[3 if of_some else 1 :]
+    if loc[:1] != ("agents",) or within[:2] != _PARAMETERS:
         return schema_fields(_schema(), loc)
+    model, written = (SomeAgents, data["agents"]["only"][loc[2]]) if of_some else (Agents, data["agents"])
     try:
-        schema = _parameters_adapter(data["agents"]["kind"]).json_schema()
+        schema = _parameters_adapter(written["kind"]).json_schema()
     except PydanticUserError:
         return set()
-    beside = _AGENT_FIELDS if loc == _PARAMETERS else ()
-    return schema_fields(schema, loc[2:]) | set(beside)
+    return schema_fields(schema, within[1:]) | (model.fields_of_every_kind() if within == _PARAMETERS else set())
 
 
 def to_mapping(scenario: Scenario) -> dict[str, Any]:
@@ -164,7 +186,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         "seed": scenario.seed,
         "duration": quantity(scenario.duration, "ns"),
         "topology": scenario.topology,
-        "agents": {"kind": agents.kind, "compute": quantity(agents.compute, "ns"), **spelled(agents.parameters)},
+        "agents": {**_kind(agents), "only": [{"where": list(some.where), **_kind(some)} for some in agents.only]},
         "world": scenario.world,
         "groups": {name: list(members) for name, members in scenario.groups.items()},
         "links": spelled(links.base),
@@ -175,6 +197,10 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         {"where": list(override.where), **spelled(override.changes, LinkFields)} for override in links.only
     ]
     return mapping
+
+
+def _kind(agents: AgentKind) -> dict[str, Any]:
+    return {"kind": agents.kind, "compute": quantity(agents.compute, "ns"), **spelled(agents.parameters)}
 
 
 def _entry(entry: FaultEntry) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 `plane` is a rigid body over flat ground with its nonlinear distances, `signals` the motions it can make, `sensors` what
 measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, and `scenario`
-builds a world from a scenario's mapping.
+builds a world of any kind from a scenario's mapping.
 """
 
 from .calibration import Calibration, calibrate
 from .motions import Circle, Motion, MovingWorld, Paths, RandomWaypoint
 from .plane import PlaneWorld, distances
-from .scenario import MOVING, build
+from .scenario import MOVING, build, needs_places
 from .sensors import DistanceSensor, GaussianDistance, Infrared
 from .signals import Constant, Signal, Sine, Steps
 
@@ -31,4 +31,5 @@ __all__ = [
     "build",
     "calibrate",
     "distances",
+    "needs_places",
 ]

@@ -13,7 +13,9 @@ from .written import at, check_keys, quantity, required
 _SENSOR = "position"
 
 
-def build_moving(spec: Mapping[str, Any], seed: int, agents: Sequence[str]) -> MovingWorld:
+def build_moving(
+    spec: Mapping[str, Any], _positions: Mapping[str, Position], seed: int, agents: Sequence[str]
+) -> MovingWorld:
     """A world in which agents move, in one of three ways, and perhaps sense where they are.
 
     - `random-waypoint: {area: [100 m, 80 m], speed: [1 m/s, 3 m/s], pause: 2 s, count: 12}`

@@ -61,7 +61,7 @@ def test_every_topology_and_world_is_explained() -> None:
     with pytest.raises(BadInput) as topology:
         topologies.build({}, 0)
     with pytest.raises(BadInput) as world:
-        worlds.build({"qqqq": 1}, {"1": (0.0, 0.0)}, 0)
+        worlds.build({"kind": "plane", "qqqq": 1}, {"1": (0.0, 0.0)}, 0)
     with pytest.raises(BadInput) as moving:
         worlds.build({"kind": "moving", "qqqq": 1}, {}, 0)
     kinds, keys, motions = (known(str(refused.value)) for refused in (topology, world, moving))

@@ -63,7 +63,7 @@ def test_parts_that_do_not_fit_are_refused_without_a_file_too(load: Load) -> Non
     """A scenario made in Python meets the same checks."""
     scenario = load()
     wrong = Scenario.model_construct(**{**dict(scenario), "topology": {"complete": 3}, "world": {"kind": "plane"}})
-    with pytest.raises(BadInput, match=r"^world: a world needs .* positions, and topology 'complete' has none"):
+    with pytest.raises(BadInput, match=r"^world: agents of topology complete have no positions"):
         compile_plan(wrong)
     with pytest.raises(BadInput, match=r"^topology.line: count is 1"):
         compile_plan(Scenario.model_construct(**{**dict(scenario), "topology": {"line": 1}}))
