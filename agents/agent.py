@@ -47,6 +47,14 @@ class Timer:
     time_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What an agent offers to each neighbour: largest payload [bytes], frames per second; None where nobody knows."""
+
+    largest_payload: int | None
+    per_second: float | None
+
+
 class Context(Protocol):
     """All that an agent may do and know."""
 
@@ -165,9 +173,15 @@ class Agent:
         return None
 
     @classmethod
+    def offers(cls, plan: Plan, name: str) -> Offer:
+        """What one agent of a plan sends: as its parameters tell, unless a kind sees more in the plan."""
+        parameters = plan.agent(name).parameters
+        return Offer(cls.largest_payload(parameters), cls.sends_per_second(parameters))
+
+    @classmethod
     def is_silent(cls, plan: Plan, name: str) -> bool:
         """Whether this agent of a plan never sends, as far as it can be told beforehand."""
-        return cls.sends_per_second(plan.agent(name).parameters) == 0
+        return cls.offers(plan, name).per_second == 0
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:

@@ -11,7 +11,11 @@ from ..errors import BadInput
 from .agent import Agent
 
 ENTRY_POINTS = "volery.agents"
-_BUILT_IN = {"beacon": "volery.agents.beacon:Beacon", "dfa-module": "volery.agents.dfa_module:DfaModule"}
+_BUILT_IN = {
+    "beacon": "volery.agents.beacon:Beacon",
+    "dfa-module": "volery.agents.dfa_module:DfaModule",
+    "sensor-node": "volery.agents.sensor_node:SensorNode",
+}
 
 
 def names() -> list[str]:

@@ -125,7 +125,7 @@ def _link_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
             for link in fault.links:
                 touching[link].append(fault)
     senders = {agent.name: agent for agent in plan.agents}
-    payloads = {agent.name: registry.find(agent.kind).largest_payload(agent.parameters) for agent in plan.agents}
+    payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
     alike: dict[tuple[LinkSettings, tuple[str, ...], int | None, int, int], list[LinkName]] = defaultdict(list)
     for link, settings in plan.links.items():
         ids = tuple(fault.id for fault in touching[link])

@@ -55,7 +55,7 @@ class LinkGroup:
 
 def link_groups(plan: Plan, *, every: bool = False) -> list[LinkGroup]:
     """The links of a plan in groups that are alike, in natural order of the first; `every`: one each."""
-    payloads = {agent.name: registry.find(agent.kind).largest_payload(agent.parameters) for agent in plan.agents}
+    payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
     alike: dict[Any, list[LinkName]] = {}
     for link in sorted(plan.links, key=lambda link: (natural_key(link[0]), natural_key(link[1]))):
         faults = tuple(fault.id for fault in plan.faults if isinstance(fault, LinkFault) and link in fault.links)

@@ -65,7 +65,7 @@ def _check_fit(fault: LinkFault, now: Circumstances) -> None:
     present = [other for other in now.in_force.values() if isinstance(other, LinkFault)]
     for link in fault.links:
         sender = plan.agent(link[0])
-        payload = find(sender.kind).largest_payload(sender.parameters)
+        payload = find(sender.kind).offers(plan, sender.name).largest_payload
         settings = replace(effective(plan.links[link], link, present, now.now_ns), **fault.changes)
         problems = [*settings_problems(settings, payload, sender.compute_ns), *placeless(plan, link, settings)]
         for field, text in problems:

@@ -68,8 +68,9 @@ def validate_plan(plan: Plan, overload: bool = False) -> Validation:
     Raises:
         BadInput: a medium would be used for more than all of its time, and `overload` is false.
     """
-    payloads = {agent.name: registry.find(agent.kind).largest_payload(agent.parameters) for agent in plan.agents}
-    rates = {agent.name: registry.find(agent.kind).sends_per_second(agent.parameters) for agent in plan.agents}
+    offers = {agent.name: registry.find(agent.kind).offers(plan, agent.name) for agent in plan.agents}
+    payloads = {name: offer.largest_payload for name, offer in offers.items()}
+    rates = {name: offer.per_second for name, offer in offers.items()}
     told = [payload for payload in payloads.values() if payload is not None]
     compute = {agent.name: agent.compute_ns for agent in plan.agents}
     validation = Validation(
