@@ -61,8 +61,8 @@ def plan_of(parameters: SensorNodeParameters, faults: Sequence[Fault] = (), mtu:
     """Node s with listeners a and b, for 100 ms."""
     near = {"a": ("s",), "b": ("s",), "s": ("a", "b")}
     degrees = {name: len(others) for name, others in near.items()}
-    kinds = {name: (f"{__name__}:Listener", NoParameters()) for name in "ab"} | {"s": ("sensor-node", parameters)}
-    agents = tuple(AgentPlan(name, *kinds[name], near[name], degrees) for name in near)
+    listeners = (AgentPlan(name, f"{__name__}:Listener", NoParameters(), near[name], degrees) for name in "ab")
+    agents = (*listeners, AgentPlan("s", "sensor-node", parameters, near["s"], degrees))
     links = {(a, b): LinkSettings(latency=Constant(3 * MS), mtu=mtu) for a, others in near.items() for b in others}
     return Plan("node", 3, 100 * MS, agents, links, Counters(), tuple(faults))
 
