@@ -86,6 +86,11 @@ class _Transmission(NamedTuple):
     verdict: str
     settings: LinkSettings
 
+    @property
+    def draw(self) -> int:
+        """Index of the draws that decided about it."""
+        return self.settings.draw_index(self.sequence, self.start_ns)
+
 
 def channels(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dict[LinkName, Channel]:
     """Compare each link of a run with its settings."""
@@ -108,6 +113,19 @@ def _place(record: Record, link: LinkName) -> _Place:
     return lambda incarnation: Surroundings.of(plan.seed, source, target, incarnation, distance_m)
 
 
+def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:
+    """Of the frames that had the same draws, as those of one slot of a paired channel have, the first."""
+    first: dict[tuple[LinkSettings, int], tuple[int, int]] = {}
+    for frame in sent:
+        if frame.settings.paired is not None:
+            first.setdefault((frame.settings, frame.draw), (frame.incarnation, frame.sequence))
+    return [
+        frame
+        for frame in sent
+        if frame.settings.paired is None or first[frame.settings, frame.draw] == (frame.incarnation, frame.sequence)
+    ]
+
+
 def _transmissions(course: LinkCourse, frames: Sequence[Story]) -> Iterator[_Transmission]:
     for frame in frames:
         size, start, airtime, due, verdict = frame.size, frame.start_ns, frame.airtime_ns, frame.due_ns, frame.verdict
@@ -123,15 +141,16 @@ def _channel(
     """Compare one link; `radio`: what the radio that it goes over transmitted, by incarnation and start."""
     ordered = sorted(sent, key=lambda frame: (frame.incarnation, frame.start_ns))
     originals = [frame for frame in ordered if not frame.copy]
-    uncut = [frame for frame in sent if frame.verdict != CUT and not frame.copy]
+    apart = _drawn_apart(ordered)
+    uncut = [frame for frame in apart if frame.verdict != CUT and not frame.copy]
     kept = [frame for frame in uncut if frame.verdict != LOST]
     intact = [frame for frame in kept if frame.verdict != CORRUPT]
     return Channel(
         frames=len(originals),
         loss=_swallowed(uncut, place, "loss", LOST, alpha),
         corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
-        duplication=_duplication(intact, len(sent) - len(originals), alpha),
-        latency=_latency(ordered, alpha),
+        duplication=_duplication(intact, sum(frame.copy for frame in apart), alpha),
+        latency=_latency(apart, alpha),
         rate=_rate(originals),
         burst=_burst([radio[key] for key in sorted(radio)] if radio else originals),
     )
@@ -144,11 +163,9 @@ def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdi
     for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
         stretch = list(group)
         stages = loss_stages(models, place(life), "" if verdict == LOST else field)
-        mine = [
-            expected_loss(stages, frame.sequence, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
-        ]
+        mine = [expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch]
         expected += mine
-        variance += loss_variance(models, [(frame.sequence, frame.start_ns) for frame in stretch], mine)
+        variance += loss_variance(models, [(frame.draw, frame.start_ns) for frame in stretch], mine)
     return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
 
 

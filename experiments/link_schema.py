@@ -234,6 +234,7 @@ class LinkFields(TypedDict, total=False):
     cut: bool
     hold: bool
     present: bool
+    paired: Annotated[Nanoseconds | None, _bounded("paired")]
 
 
 class _RandomFields(TypedDict):

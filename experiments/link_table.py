@@ -259,6 +259,10 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
     ("duplication", lambda group: _percent(group.settings.duplication) if group.settings.duplication else ""),
     ("latency", _latency),
     ("order", lambda group: "" if group.settings.reordering else "kept"),
+    (
+        "paired",
+        lambda group: "" if group.settings.paired is None else f"slots of {quantity(group.settings.paired, 'ns')}",
+    ),
     ("there", _presence),
     ("state", _flags),
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from ..errors import BadInput
 from ..randomness import Stream
 from .probabilities import check_probability
-from .stages import LossStage, Memory, Surroundings
+from .stages import LossStage, Memory, Steps, Surroundings
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class Bernoulli:
     def stage(self, around: Surroundings) -> LossStage:
         """One draw per frame."""
         draws = around.stream("loss")
-        return _CorrelatedStage(self, draws) if self.correlation else _BernoulliStage(self.probability, draws)
+        if not self.correlation:
+            return _BernoulliStage(self.probability, draws)
+        return _CorrelatedStage(self, draws, around.steps())
 
 
 @dataclass(slots=True)
@@ -58,18 +60,21 @@ class _BernoulliStage:
 
 
 class _CorrelatedStage:
-    __slots__ = ("_draws", "_model", "_threshold")
+    __slots__ = ("_draws", "_lost", "_model", "_steps", "_threshold")
 
-    def __init__(self, model: Bernoulli, draws: Stream) -> None:
+    def __init__(self, model: Bernoulli, draws: Stream, steps: Steps) -> None:
         self._model = model
         self._draws = draws
+        self._steps = steps
         self._threshold = model.probability
+        self._lost = False
 
     def lost(self, index: int, start_ns: int, bits: int) -> bool:
         model = self._model
-        lost = self._draws.uniform(index) < self._threshold
-        self._threshold = model.probability + model.correlation * (lost - model.probability)
-        return lost
+        for step in self._steps(index):
+            self._lost = self._draws.uniform(step) < self._threshold
+            self._threshold = model.probability + model.correlation * (self._lost - model.probability)
+        return self._lost
 
     def expected(self, index: int, start_ns: int, bits: int) -> float:
         return self._model.probability
@@ -116,27 +121,29 @@ class GilbertElliott:
 
     def stage(self, around: Surroundings) -> LossStage:
         """A stage whose chain starts in the stationary law."""
-        return _GilbertElliottStage(self, around.stream("loss"), around.stream("loss-state"))
+        return _GilbertElliottStage(self, around.stream("loss"), around.stream("loss-state"), around.steps())
 
 
 class _GilbertElliottStage:
-    __slots__ = ("_bad", "_draws", "_model", "_moves")
+    __slots__ = ("_bad", "_draws", "_model", "_moves", "_steps")
 
-    def __init__(self, model: GilbertElliott, draws: Stream, moves: Stream) -> None:
+    def __init__(self, model: GilbertElliott, draws: Stream, moves: Stream, steps: Steps) -> None:
         self._model = model
         self._draws = draws
         self._moves = moves
+        self._steps = steps
         self._bad: bool | None = None
 
     def lost(self, index: int, start_ns: int, bits: int) -> bool:
         model = self._model
-        move = self._moves.uniform(index)
-        if self._bad is None:
-            self._bad = move < model.stationary_bad
-        elif self._bad:
-            self._bad = move >= model.to_good
-        else:
-            self._bad = move < model.to_bad
+        for step in self._steps(index):
+            move = self._moves.uniform(step)
+            if self._bad is None:
+                self._bad = move < model.stationary_bad
+            elif self._bad:
+                self._bad = move >= model.to_good
+            else:
+                self._bad = move < model.to_bad
         chance = model.loss_bad if self._bad else model.loss_good
         return chance == 1.0 or (chance > 0.0 and self._draws.uniform(index) < chance)
 
@@ -197,7 +204,7 @@ class _BitErrorStage:
 class Frames:
     """Named frames are lost: sequence numbers of the link from 0, or pairs (first, last).
 
-    The frames of each life of the sender are numbered anew.
+    The frames of each life of the sender are numbered anew. On a paired channel the numbers are those of slots.
     """
 
     lost: tuple[int | tuple[int, int], ...]

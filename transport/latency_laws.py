@@ -21,7 +21,7 @@ from statistics import NormalDist
 from ..errors import BadInput
 from ..randomness import Stream
 from ..units import Nanoseconds
-from .stages import LatencyStage, Surroundings
+from .stages import LatencyStage, Steps, Surroundings
 
 _STANDARD_NORMAL = NormalDist()
 _TRUNCATION_SD = 3
@@ -40,7 +40,7 @@ def check_latency(name: str, value_ns: int) -> None:
         raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
 
 
-def _upper_tails(draws: Stream, correlation: float) -> Callable[[int], float]:
+def _upper_tails(draws: Stream, correlation: float, steps: Steps) -> Callable[[int], float]:
     """Index → v, uniform in (0, 1)."""
     if not correlation:
         return lambda index: 1.0 - draws.uniform(index)
@@ -49,8 +49,10 @@ def _upper_tails(draws: Stream, correlation: float) -> Callable[[int], float]:
 
     def correlated(index: int) -> float:
         nonlocal last
-        z = draws.normal(index)
-        last = z if last is None else correlation * last + fresh * z
+        for step in steps(index):
+            z = draws.normal(step)
+            last = z if last is None else correlation * last + fresh * z
+        assert last is not None
         return min(0.5 * math.erfc(last * _ROOT_HALF), _BELOW_ONE)
 
     return correlated
@@ -99,7 +101,7 @@ class _Law:
     def stage(self, around: Surroundings) -> LatencyStage:
         """One draw per frame."""
         minimum, quantile = self.minimum_ns, self._quantile()
-        upper_tail = _upper_tails(around.stream("latency"), self.correlation)
+        upper_tail = _upper_tails(around.stream("latency"), self.correlation, around.steps())
         return lambda index, _end_ns: max(minimum, int(quantile(upper_tail(index))))
 
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Literal
 
 from ..errors import BadInput
-from ..units import BitsPerSecond, Bytes
+from ..units import BitsPerSecond, Bytes, Nanoseconds
 from .latencies import Constant, Latency
 from .losses import Loss
 from .media import FullDuplex, Medium
@@ -30,6 +30,7 @@ DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
     "corrupt",
 )
 """Fates of a frame on the air, in the order in which they count where causes overlap."""
+SHORTEST_SLOT_NS = 100_000
 ACCESS = "access"
 """Fate of a frame whose radio gave up after attempts to get hold of the medium."""
 
@@ -78,6 +79,9 @@ class LinkSettings:
     `corruption`: models that say which frames the checksum will refuse. `duplication`: probability that a frame comes
     twice, the copy with a latency of its own. `reordering`: whether a frame may overtake an earlier one. `hold`: frames
     that are due meanwhile wait, and come when they are released. `present`: whether the graph has this link now.
+    `paired`: length of the slots of time to which the draws of loss, corruption, duplication and latency belong, as
+    with block fading: all frames that start in one slot meet the same, whoever sends how many. Without it each frame
+    has draws of its own, by its sequence number.
     """
 
     medium: Medium = FullDuplex()  # noqa: RUF009 - frozen
@@ -95,6 +99,7 @@ class LinkSettings:
     cut: bool = False
     hold: bool = False
     present: bool = True
+    paired: Nanoseconds | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -103,6 +108,12 @@ class LinkSettings:
         if self.overhead < 0 or self.bits_per_byte < 1 or self.mtu < 1:
             raise BadInput("overhead is at least 0 B, bits_per_byte at least 1, mtu at least 1 B")
         check_probability("duplication", self.duplication)
+        if self.paired is not None and self.paired < SHORTEST_SLOT_NS:
+            raise BadInput(f"paired is {self.paired} ns, a slot of a paired channel lasts at least 100 us")
+
+    def draw_index(self, sequence: int, start_ns: int) -> int:
+        """Index of the draws of a frame: its sequence number, with `paired` the slot of time that it starts in."""
+        return sequence if self.paired is None else start_ns // self.paired
 
     def bits(self, payload_bytes: int) -> int:
         """Length of a frame on the air: (payload + overhead) · bits per byte."""

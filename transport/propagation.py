@@ -28,11 +28,11 @@ class Propagation:
 
     __slots__ = (
         "_around",
-        "_copied",
         "_corruptions",
         "_duplicates",
         "_last_due",
         "_latencies",
+        "_link",
         "_losses",
         "next_sequence",
         "settings",
@@ -43,12 +43,17 @@ class Propagation:
         self.target = target
         self.settings = settings
         self.next_sequence = 0
-        self._around = around
+        self._link = around
+        self._last_due = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        settings = self.settings
+        self._around = around = self._link if settings.paired is None else self._link.by_slots()
         self._losses = loss_stages(settings.loss, around)
         self._corruptions = loss_stages(settings.corruption, around, "corruption")
         self._duplicates = around.stream("duplication")
         self._latencies = self._pipes(settings.latency)
-        self._last_due = 0
 
     def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
         """Of the frames, and of their duplicates."""
@@ -57,6 +62,9 @@ class Propagation:
     def change(self, settings: LinkSettings) -> None:
         """Take new settings; models that stay keep their state."""
         before, self.settings = self.settings, settings
+        if settings.paired != before.paired:
+            self._begin()
+            return
         if settings.loss != before.loss:
             self._losses = loss_stages(settings.loss, self._around)
         if settings.corruption != before.corruption:
@@ -72,20 +80,21 @@ class Propagation:
     def send(self, sequence: int, start_ns: int, end_ns: int, bits: int) -> list[Copy]:
         """The arrivals of a frame with its airtime in [start, end); the settings are read here, once."""
         settings = self.settings
+        index = settings.draw_index(sequence, start_ns)
         lost = corrupt = False
         for stage in self._losses:
-            lost |= stage.lost(sequence, start_ns, bits)
+            lost |= stage.lost(index, start_ns, bits)
         for stage in self._corruptions:
-            corrupt |= stage.lost(sequence, start_ns, bits)
+            corrupt |= stage.lost(index, start_ns, bits)
         cut = settings.cut or not settings.present
         verdict = CUT if cut else LOST if lost else CORRUPT if corrupt else DELIVERED
-        copies = [Copy(self.target, sequence, 0, self._due(0, sequence, start_ns, end_ns), verdict)]
-        if settings.duplication and self._duplicates.uniform(sequence) < settings.duplication and verdict == DELIVERED:
-            copies.append(Copy(self.target, sequence, 1, self._due(1, sequence, start_ns, end_ns), verdict))
+        copies = [Copy(self.target, sequence, 0, self._due(0, index, start_ns, end_ns), verdict)]
+        if settings.duplication and self._duplicates.uniform(index) < settings.duplication and verdict == DELIVERED:
+            copies.append(Copy(self.target, sequence, 1, self._due(1, index, start_ns, end_ns), verdict))
         return copies
 
-    def _due(self, copy: int, sequence: int, start_ns: int, end_ns: int) -> int:
-        due = max(end_ns + self._latencies[copy](sequence, end_ns), start_ns + SHORTEST_TRAVEL_NS)
+    def _due(self, copy: int, index: int, start_ns: int, end_ns: int) -> int:
+        due = max(end_ns + self._latencies[copy](index, end_ns), start_ns + SHORTEST_TRAVEL_NS)
         if not self.settings.reordering:
             due = max(due, self._last_due)
         self._last_due = max(due, self._last_due)

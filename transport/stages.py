@@ -5,8 +5,8 @@ A model is data; its *stage* is the small state machine of one directed link.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from ..errors import BadInput
@@ -14,17 +14,36 @@ from ..randomness import Stream, stream
 
 StreamOf = Callable[[str], Stream]
 DistanceOf = Callable[[int], float]
+Steps = Callable[[int], Iterable[int]]
+"""Index of a frame → the draws with which a chain steps on to that frame."""
 
 
 def _nowhere(_time_ns: int) -> float:
     raise BadInput("the ends of this link have no positions, so there is no distance between them")
 
 
+def _frame_by_frame(index: int) -> Iterable[int]:
+    return (index,)
+
+
+class _SlotBySlot:
+    """Steps of a chain that moves in every slot from slot 0 on, whether a frame is sent in it or not."""
+
+    def __init__(self) -> None:
+        self._next = 0
+
+    def __call__(self, index: int) -> Iterable[int]:
+        due = range(self._next, index + 1)
+        self._next = max(self._next, index + 1)
+        return due
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """One directed link as its stages see it.
 
-    `stream(purpose)`: a stream of this direction and this life of the source, indexed by the frame's sequence number.
+    `stream(purpose)`: a stream of this direction and this life of the source, indexed by the frame's sequence number;
+    with `slots`, of this direction alone and indexed by the slot of time, see `by_slots`.
     `channel(purpose)`: a stream of this direction that restarts of the source do not change, for what goes on in time.
     `path(purpose)`: a stream that both directions share, such as shadowing.
     `distance_m(time_ns)`: distance of the two ends in metres at a nominal instant.
@@ -34,6 +53,18 @@ class Surroundings:
     channel: StreamOf
     path: StreamOf
     distance_m: DistanceOf = _nowhere
+    slots: bool = False
+
+    def steps(self) -> Steps:
+        """How a chain steps on: with each frame, or with slots through all that have passed since the last frame."""
+        return _SlotBySlot() if self.slots else _frame_by_frame
+
+    def by_slots(self) -> Surroundings:
+        """The same link with draws that belong to slots of time: a function of the link and the slot and nothing else.
+
+        How many frames were sent before makes no difference, and neither does a restart of the source.
+        """
+        return replace(self, stream=self.channel, slots=True)
 
     def within(self, name: str) -> Surroundings:
         """The same link with streams of its own, for another stage that uses the same models."""
@@ -42,6 +73,7 @@ class Surroundings:
             lambda purpose: self.channel(f"{name}-{purpose}"),
             lambda purpose: self.path(f"{name}-{purpose}"),
             self.distance_m,
+            self.slots,
         )
 
     @classmethod
@@ -76,7 +108,7 @@ class LossStage(Protocol):
         """Whether a transmitted frame is lost; called once for each, in order.
 
         Args:
-            index: its sequence number on the link.
+            index: its sequence number on the link, or the slot of time that it starts in.
             start_ns: when its transmission starts.
             bits: its length on the air, overhead included.
         """
@@ -104,7 +136,7 @@ class Loss(Protocol):
 
 
 LatencyStage = Callable[[int, int], int]
-"""(sequence number, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
+"""(index as of a loss stage, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
 
 
 class Latency(Protocol):

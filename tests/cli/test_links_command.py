@@ -133,6 +133,7 @@ def test_the_groups_as_json(volery: Volery) -> None:
         ("links.loss={frames: {lost: [1, 2, [5, 9]]}}", "loss", "frames [1,2,[5,9]], mean 0 %"),
         ("links.loss={trace: {times: [0 s, 1 s], losses: [0.0, 0.5]}}", "loss", _TRACE),
         ("links.reordering=false", "order", "kept"),
+        ("links.paired=10 ms", "paired", "slots of 10 ms"),
         ("links.cut=true", "state", "cut"),
         ("links.rate=null", "largest payload", "44 B on the air"),
         ("links.queue={limit: 3, policy: latest}", "queue", "3 frames, latest"),

@@ -106,8 +106,15 @@ def test_what_is_not_as_asked_is_outside(everything: Record, quantity: str, aske
         LinkSettings(
             loss=(LossTrace((0, 30_000 * MS), (0.1, 0.7)),), latency=LatencyTrace((0, MS), (MS, 3 * MS), 7 * MS)
         ),
+        LinkSettings(
+            loss=(GilbertElliott(0.2, 0.3, 0.8),),
+            corruption=(Bernoulli(0.2, correlation=0.4),),
+            duplication=0.3,
+            latency=Normal(20 * MS, 2 * MS, correlation=0.2),
+            paired=100 * MS,
+        ),
     ],
-    ids=["correlated", "markov", "sum", "trace"],
+    ids=["correlated", "markov", "sum", "trace", "paired"],
 )
 def test_bounds_know_the_models(plan_of: Make, twin_run: TwinRun, settings: LinkSettings, seed: int) -> None:
     """Losses in bursts, of long frames, over time, and correlated latencies: sound runs are never outside."""
