@@ -1,29 +1,38 @@
 """Worlds: the truth that agents estimate, and the sensors that look at it, as pure functions of seed and time.
 
 `plane` is a rigid body over flat ground with its nonlinear distances, `signals` the motions it can make, `sensors` what
-measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, and `scenario`
-builds a world of any kind from a scenario's mapping.
+measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, `quadrotor` a
+vehicle in controlled flight, `quadrotor_sensors` what it carries, and `scenario` builds a world of any kind from a
+scenario's mapping.
 """
 
 from .calibration import Calibration, calibrate
 from .motions import Circle, Motion, MovingWorld, Paths, RandomWaypoint
 from .plane import PlaneWorld, distances
+from .quadrotor import Airframe, Flight, FlightState, Manoeuvre
+from .quadrotor_sensors import QuadrotorWorld
 from .scenario import MOVING, build, needs_places
 from .sensors import DistanceSensor, GaussianDistance, Infrared
-from .signals import Constant, Signal, Sine, Steps
+from .signals import Constant, Ramp, Signal, Sine, Steps
 
 __all__ = [
     "MOVING",
+    "Airframe",
     "Calibration",
     "Circle",
     "Constant",
     "DistanceSensor",
+    "Flight",
+    "FlightState",
     "GaussianDistance",
     "Infrared",
+    "Manoeuvre",
     "Motion",
     "MovingWorld",
     "Paths",
     "PlaneWorld",
+    "QuadrotorWorld",
+    "Ramp",
     "RandomWaypoint",
     "Signal",
     "Sine",

@@ -9,11 +9,10 @@ from ..errors import BadInput
 from ..topologies import Position
 from .plane import PlaneWorld
 from .sensors import DistanceSensor, GaussianDistance, Infrared
-from .signals import Constant, Signal, Sine, Steps
 from .written import at, check_keys, choice, quantity, required
+from .written_signals import signal
 
 _KEYS = ("kind", "altitude", "roll", "pitch", "rate", "distance_noise", "sensor")
-_SINE = ("mean", "amplitude", "frequency", "phase")
 
 
 def build_plane(
@@ -22,8 +21,7 @@ def build_plane(
     """A rigid body over a plane.
 
     `altitude` is needed; `roll` and `pitch` default to 0, `rate` to 20 Hz. The sensor is Gaussian with
-    `distance_noise`, by default 5 mm, or `sensor: {infrared: {noise: 10 mV}}`. A signal is a quantity, or
-    `{steps: {"0 s": …, "5 s": …}}`, or `{sine: {mean: …, amplitude: …, frequency: …, phase: …}}`.
+    `distance_noise`, by default 5 mm, or `sensor: {infrared: {noise: 10 mV}}`. For signals see `written_signals`.
 
     Args:
         spec: the mapping, quantities as text with units.
@@ -33,42 +31,13 @@ def build_plane(
         BadInput: with the place of the first thing that is wrong, and the remedy.
     """
     check_keys(spec, _KEYS, "world")
-    altitude = _signal(required(spec, "altitude", "world"), "m", "world.altitude")
-    roll = _signal(spec.get("roll", 0), "rad", "world.roll")
-    pitch = _signal(spec.get("pitch", 0), "rad", "world.pitch")
+    altitude = signal(required(spec, "altitude", "world"), "m", "world.altitude")
+    roll = signal(spec.get("roll", 0), "rad", "world.roll")
+    pitch = signal(spec.get("pitch", 0), "rad", "world.pitch")
     sensor = _sensor(spec)
     rate = quantity(spec.get("rate", "20 Hz"), "Hz", "world.rate")
     with at("world"):
         return PlaneWorld(altitude, roll, pitch, dict(positions), sensor, seed, rate)
-
-
-def _signal(spec: Any, unit: str, place: str) -> Signal:
-    if not isinstance(spec, Mapping):
-        return Constant(quantity(spec, unit, place))
-    if len(spec) != 1:
-        raise BadInput(f"{place}: write a quantity, or one of steps and sine")
-    kind, content = next(iter(spec.items()))
-    choice(kind, ("steps", "sine"), place)
-    within = f"{place}.{kind}"
-    if not isinstance(content, Mapping):
-        raise BadInput(f"{within}: {content!r} must be a mapping")
-    return _steps(content, unit, within) if kind == "steps" else _sine(content, unit, within)
-
-
-def _steps(spec: Mapping[Any, Any], unit: str, place: str) -> Steps:
-    steps = sorted((int(quantity(time, "ns", place)), quantity(level, unit, place)) for time, level in spec.items())
-    with at(place):
-        return Steps(tuple(time for time, _ in steps), tuple(level for _, level in steps))
-
-
-def _sine(spec: Mapping[str, Any], unit: str, place: str) -> Sine:
-    check_keys(spec, _SINE, place)
-    mean = quantity(spec.get("mean", 0), unit, f"{place}.mean")
-    amplitude = quantity(required(spec, "amplitude", place), unit, f"{place}.amplitude")
-    frequency = quantity(required(spec, "frequency", place), "Hz", f"{place}.frequency")
-    phase = quantity(spec.get("phase", 0), "rad", f"{place}.phase")
-    with at(place):
-        return Sine(mean, amplitude, frequency, phase)
 
 
 def _sensor(spec: Mapping[str, Any]) -> DistanceSensor:

@@ -9,6 +9,7 @@ from typing import Any
 from ..topologies import Position
 from .moving_scenario import build_moving
 from .plane_scenario import build_plane
+from .quadrotor_scenario import build_quadrotor
 from .written import choice, required
 
 MOVING = "moving"
@@ -25,6 +26,7 @@ class _Kind:
 _KINDS: Mapping[str, _Kind] = {
     "plane": _Kind(build_plane, needs_places=True),
     MOVING: _Kind(build_moving),
+    "quadrotor": _Kind(build_quadrotor),
 }
 
 

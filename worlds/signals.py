@@ -1,4 +1,4 @@
-"""Signals of time: constant, stepped, sinusoidal. Times are nanoseconds since the epoch of the run."""
+"""Signals of time: constant, stepped, ramped, sinusoidal. Times are nanoseconds since the epoch of the run."""
 
 from __future__ import annotations
 
@@ -62,6 +62,36 @@ class Steps:
     def bounds(self) -> tuple[float, float]:
         """The lowest and the highest level."""
         return min(self.levels), max(self.levels)
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """From the first level, from an instant on in a straight line for `over_ns`, to the last level, where it stays.
+
+    Raises:
+        BadInput: it begins before 0, or lasts no time.
+    """
+
+    first: float
+    last: float
+    at_ns: int
+    over_ns: int
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        if self.at_ns < 0:
+            raise BadInput(f"a ramp at {self.at_ns} ns must begin at 0 or later")
+        if self.over_ns < 1:
+            raise BadInput(f"a ramp over {self.over_ns} ns must last for some time: for a jump write steps")
+
+    def value(self, time_ns: int) -> float:
+        """The level on the line, or at the end that is nearer."""
+        share = min(max((time_ns - self.at_ns) / self.over_ns, 0.0), 1.0)
+        return self.first + share * (self.last - self.first)
+
+    def bounds(self) -> tuple[float, float]:
+        """The lower and the higher level."""
+        return min(self.first, self.last), max(self.first, self.last)
 
 
 @dataclass(frozen=True)

@@ -65,9 +65,14 @@ def test_every_topology_and_world_is_explained() -> None:
         worlds.build({"kind": "plane", "qqqq": 1}, {"1": (0.0, 0.0)}, 0)
     with pytest.raises(BadInput) as moving:
         worlds.build({"kind": "moving", "qqqq": 1}, {}, 0)
-    kinds, keys, motions = (known(str(refused.value)) for refused in (topology, world, moving))
-    assert (len(kinds), len(keys), len(motions)) == (14, 7, 5)
-    assert {*kinds, *keys, *motions} - IN_CODE == set()
+    with pytest.raises(BadInput) as quadrotor:
+        worlds.build({"kind": "quadrotor", "qqqq": 1}, {}, 0)
+    with pytest.raises(BadInput) as carried:
+        worlds.build({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, {}, 0, ["a"])
+    asked = (topology, world, moving, quadrotor, carried)
+    kinds, keys, motions, flights, sensors = (known(str(refused.value)) for refused in asked)
+    assert (len(kinds), len(keys), len(motions), len(flights), len(sensors)) == (14, 7, 5, 12, 9)
+    assert {*kinds, *keys, *motions, *flights, *sensors} - IN_CODE == set()
 
 
 @pytest.mark.parametrize("fragment", [{}, *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))
