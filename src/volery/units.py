@@ -34,6 +34,11 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "B": {"B": Fraction(1), "kB": Fraction(10**3)},
     "m": {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)},
     "m/s": {"mm/s": Fraction(1, 1000), "m/s": Fraction(1), "km/h": Fraction(1000, 3600)},
+    "m/s²": {"mm/s²": Fraction(1, 1000), "m/s²": Fraction(1), "m/s2": Fraction(1)},
+    "m/√s": {"mm/√s": Fraction(1, 1000), "cm/√s": Fraction(1, 100), "m/√s": Fraction(1), "m/sqrt(s)": Fraction(1)},
+    "m/s²/√s": {"m/s²/√s": Fraction(1), "m/s2/sqrt(s)": Fraction(1)},
+    "rad/s": {"rad/s": Fraction(1), "mrad/s": Fraction(1, 1000), "deg/s": _DEGREE},
+    "rad/s/√s": {"rad/s/√s": Fraction(1), "deg/s/√s": _DEGREE, "rad/s/sqrt(s)": Fraction(1)},
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
     "dB": {"dB": Fraction(1)},
@@ -90,7 +95,12 @@ Hertz = Annotated[float, Unit("Hz")]
 BitsPerSecond = Annotated[float, Unit("bit/s")]
 Bytes = Annotated[int, Unit("B")]
 Metres = Annotated[float, Unit("m")]
+MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
+MetresPerRootSecond = Annotated[float, Unit("m/√s")]
+MetresPerSecondSquaredPerRootSecond = Annotated[float, Unit("m/s²/√s")]
 Radians = Annotated[float, Unit("rad")]
+RadiansPerSecond = Annotated[float, Unit("rad/s")]
+RadiansPerSecondPerRootSecond = Annotated[float, Unit("rad/s/√s")]
 Volts = Annotated[float, Unit("V")]
 Decibels = Annotated[float, Unit("dB")]
 DecibelMilliwatts = Annotated[float, Unit("dBm")]
