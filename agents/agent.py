@@ -5,6 +5,7 @@ An agent never sleeps, never reads a clock, never opens a socket and never draws
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -16,6 +17,7 @@ from ..errors import BadInput
 from ..randomness import Stream
 
 if TYPE_CHECKING:
+    from ..transport.faults import Fault
     from .plan import Plan
 
 
@@ -108,13 +110,88 @@ class Context(Protocol):
     def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
         """Write down an estimate; `index` is the sample it belongs to."""
 
+    def command(self, name: str, value: ArrayLike) -> None:
+        """Act upon a coupled world: the command takes effect `compute` and the world's act delay later.
+
+        Raises:
+            BadInput: the scenario's world is not coupled.
+        """
+
+    def note(self, what: str, **facts: Any) -> None:
+        """Write down that something happened, with plain values that say more about it."""
+
     def random(self, purpose: str) -> Stream:
         """The agent's own random stream for a purpose."""
+
+
+class Onlooker(Protocol):
+    """What sees every sample and every command of a closed loop: the centralised estimator on the same data."""
+
+    def sampled(self, agent: str, sample: Sample) -> None:
+        """An agent's sensor has taken a sample, with the sensor faults in it."""
+
+    def commanded(self, agent: str, command: str, value: NDArray[np.float64], time_ns: int) -> None:
+        """A command has taken effect."""
+
+    def estimates(self, time_ns: int) -> Mapping[str, NDArray[np.float64]]:
+        """Quantity → its centralised estimate now."""
 
 
 @dataclass(frozen=True)
 class NoParameters:
     """Parameters of an agent that has none."""
+
+
+class SeriesData(Protocol):
+    """Reports of one quantity in order: time_ns (n,), sample (n,), value (n, k)."""
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Nominal times."""
+
+    @property
+    def sample(self) -> NDArray[np.int64]:
+        """The indices they were reported under."""
+
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """The values."""
+
+
+class RunData(Protocol):
+    """What a run has left, for those who look at it afterwards."""
+
+    @property
+    def last_ns(self) -> int:
+        """When it ended."""
+
+    @property
+    def faults_that_held(self) -> Sequence[Fault]:
+        """The faults that came about, in the order of their starts."""
+
+    @property
+    def beside(self) -> Mapping[str, SeriesData]:
+        """What a coupled world wrote down: true quantities, and `oracle QUANTITY`."""
+
+    @property
+    def notes(self) -> Sequence[Mapping[str, Any]]:
+        """What was noted: {"agent": …, "what": …, "time_ns": …, …}."""
+
+    def quantities(self) -> Sequence[str]:
+        """What agents reported."""
+
+    def estimates(self, quantity: str) -> Mapping[str, SeriesData]:
+        """Agent → its reports of a quantity."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that a kind of agents has to say of a run: a number in its unit, a sentence, or both."""
+
+    name: str
+    value: float = math.nan
+    unit: str = ""
+    text: str = ""
 
 
 class Agent:
@@ -194,9 +271,19 @@ class Agent:
         return None
 
     @classmethod
+    def onlooker(cls, plan: Plan) -> Onlooker | None:
+        """The centralised estimator that runs beside a coupled world: the oracle of a closed loop."""
+        return None
+
+    @classmethod
     def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
         """The true value of a reported quantity; None where it is not known."""
         return None
+
+    @classmethod
+    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
+        """What there is to say of a run beyond the errors of each quantity, for the report."""
+        return ()
 
     @classmethod
     def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
-from .agent import Timer
-from .journal import Estimate
-from .plan import AgentPlan
+from ..transport.faults import Fault
+from .agent import Onlooker, Timer
+from .journal import NOTED, Estimate
+from .plan import WORLD, AgentPlan, Plan
+from .registry import find
+from .wires import pack_command
 
 if TYPE_CHECKING:
     from .node import Node
@@ -84,6 +87,40 @@ class NodeContext:
         """Write down an estimate; `index` is the sample it belongs to."""
         flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
         self._node.journal.estimates.append(Estimate(self._node.now_ns, quantity, index, flat))
+
+    def command(self, name: str, value: ArrayLike) -> None:
+        """Act upon a coupled world."""
+        if WORLD not in self._me.wired:
+            raise BadInput(f"agent {self.name} commands {name!r}, and this scenario's world takes no commands")
+        self.wire(WORLD, pack_command(name, np.asarray(value, dtype=np.float64)))
+
+    def note(self, what: str, **facts: Any) -> None:
+        """Write down that something happened."""
+        entry = {"event": NOTED, "what": what, "time_ns": self._node.now_ns, **facts}
+        self._node.journal.events.append(entry)
+
+    # -- what a coupled world needs besides ---------------------------------------------------------------------
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of the run."""
+        return self._node.plan
+
+    @property
+    def faults(self) -> Iterable[Fault]:
+        """The faults that touch this agent, live ones included."""
+        return self._node.faults.values()
+
+    def onlooker(self) -> Onlooker | None:
+        """The centralised estimator that the agents' class has for this plan."""
+        return find(self.plan.agents[0].kind).onlooker(self.plan)
+
+    def wire(self, target: str, payload: bytes) -> None:
+        """Hand a payload to the wire to a coupled world, or from it."""
+        self._check_promise()
+        self._node.sending.send((target,), payload, "")
+
+    # -- chance ---------------------------------------------------------------------------------------------------
 
     def random(self, purpose: str) -> Stream:
         """The agent's own random stream for a purpose."""

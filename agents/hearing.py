@@ -9,7 +9,7 @@ from ..transport.events import DATA, FRAME, SOURCE, TIME, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import DELIVERED, fate
 from ..transport.media import AIR, Ether
-from .journal import LAST_HEARD, Heard, Late
+from .journal import LAST_HEARD, MISSED, Heard, Late
 
 if TYPE_CHECKING:
     from .node import Node
@@ -35,7 +35,7 @@ class Hearing:
 
         A frame that started before this incarnation came to life is none of its business.
         """
-        self._transmissions[source, message.incarnation] = message.sent
+        self._count(source, message)
         if message.start_ns < self._node.start_ns:
             return
         if isinstance(message, Frame):
@@ -45,6 +45,15 @@ class Hearing:
             self._overhear(source, message)
         for frame in message.for_target(self._node.name):
             self._take(source, frame)
+
+    def _count(self, source: str, message: Message) -> None:
+        """Note how much has come; on a wire nothing may be missing, and nobody else would tell."""
+        known = self._transmissions.get((source, message.incarnation))
+        self._transmissions[source, message.incarnation] = message.sent
+        missing = message.sent - (known or 0) - 1
+        if missing > 0 and source in self._node.wired and (known is not None or self._node.start_ns == 0):
+            entry = {"event": MISSED, "source": source, "count": missing, "time_ns": message.start_ns}
+            self._node.journal.events.append(entry)
 
     def _take(self, source: str, frame: Frame) -> None:
         node = self._node
@@ -84,7 +93,9 @@ class Hearing:
         collided = outlet == AIR and self.ether.collided(start, end, source)
         deaf = node.sending.outlets[outlet].transceiver.deaf(start, end)
         became = fate(frame.verdict, deaf=deaf, collided=collided)
-        node.journal.heard.append(Heard(source, frame.incarnation, frame.sequence, frame.due_ns, became, frame.copy))
+        if source not in node.wired:
+            heard = Heard(source, frame.incarnation, frame.sequence, frame.due_ns, became, frame.copy)
+            node.journal.heard.append(heard)
         if outlet == AIR:
             self._settled.append((start, end, source, frame))
             self._settled_end_ns = max(self._settled_end_ns, end)

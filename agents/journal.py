@@ -11,6 +11,11 @@ from typing import Any, NamedTuple
 LAST_HEARD = "last-heard"
 """Event: how many transmissions of a life that was ended from outside have come."""
 
+MISSED = "missed"
+"""Event: samples or commands were lost by the middleware on a wire."""
+NOTED = "noted"
+"""Event: something happened that an agent, or a coupled world, had to say."""
+
 
 class Estimate(NamedTuple):
     """A quantity that an agent reported: `sample` is the one it belongs to, `value` a flat vector."""

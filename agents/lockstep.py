@@ -56,7 +56,7 @@ class Lockstep:
     def _segments(self, source: str) -> tuple[tuple[int, int, int], ...]:
         link = (source, self._node.name)
         faults = [fault for fault in self._node.known.values() if isinstance(fault, LinkFault)]
-        return lookahead_segments(self._node.plan.links[link], link, faults)
+        return lookahead_segments(self._node.plan.settings(link), link, faults)
 
     def _kills(self, source: str) -> list[Kill]:
         return kills_of(self._node.known.values(), source)
@@ -92,7 +92,7 @@ class Lockstep:
         start_ns = self._node.start_ns
         if self._unborn():
             return dict.fromkeys(self._told, start_ns)
-        promises = self._node.promises(max(self._horizon.safe_ns(), start_ns))
+        promises = self._node.promises(max(self._horizon.safe_ns(self._node.heeded()), start_ns))
         for outlet, promise_ns in promises.items():
             if promise_ns < FOREVER_NS:
                 promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])

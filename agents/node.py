@@ -31,7 +31,7 @@ from ..transport.events import (
     TRANSMIT,
     Event,
 )
-from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, effective
+from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, effective
 from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
 from ..units import first_period, period_ns
@@ -39,10 +39,11 @@ from .agent import Agent, Received, Sample, Timer
 from .context import NodeContext
 from .hearing import Hearing
 from .journal import Batch
-from .plan import Plan
+from .plan import WORLD, Plan
 from .registry import find
 from .sending import Put, Sending
 from .sensing import measured
+from .wires import unpack_samples
 
 _ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "bucket"}
 _GRAPH = "graph"
@@ -62,9 +63,9 @@ class Node:
         saved: what the agent's last life has left, where that is kept.
 
     `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
-    `neighbours` are all that it ever has, `present` those that it has now. `known` are all faults of the run that it
-    was told of, `faults` those that touch it. `hogged` is the share of its processor that something else takes, which
-    nothing but the wall clock notices.
+    `neighbours` are all that it ever has, those to whom it is wired included, `present` those in the graph now. `known`
+    are all faults of the run that it was told of, `faults` those that touch it. `hogged` is the share of its processor
+    that something else takes, which nothing but the wall clock notices.
     """
 
     def __init__(
@@ -80,7 +81,8 @@ class Node:
     ) -> None:
         me = plan.agent(name)
         self.plan, self.name, self.incarnation, self.index = plan, name, incarnation, index
-        self.neighbours = me.neighbours
+        self.wired = me.wired
+        self.neighbours = me.neighbours + me.wired
         self.present = plan.present(name, start_ns)
         self.degrees = plan.degrees(name, start_ns)
         self.compute_ns = me.compute_ns
@@ -206,6 +208,10 @@ class Node:
     def deliver(self, event: Event) -> None:
         """Hand a frame to the agent; its stamp is that of the agent's own clock."""
         frame: Frame = event[DATA]
+        if event[SOURCE] == WORLD:
+            for sample in unpack_samples(frame.payload):
+                self.agent.on_sample(replace(sample, time_ns=self.clock.reading(sample.time_ns)))
+            return
         self.in_frame = True
         self.agent.on_frame(Received(event[SOURCE], frame.payload, self.event_ns))
         self.in_frame = False
@@ -233,6 +239,8 @@ class Node:
 
     def _touches(self, fault: Fault) -> bool:
         """A link's settings are its source's business, and frames are held back at its target."""
+        if isinstance(fault, SensorFault) and self.plan.beside:
+            return self.name == WORLD
         if not isinstance(fault, LinkFault):
             return fault.agent == self.name
         ends = {source for source, _ in fault.links}
@@ -264,11 +272,11 @@ class Node:
     def settings(self, target: str) -> LinkSettings:
         """Of the link to a neighbour, now: its own, changed by the faults in force and by the graph."""
         settings = self._effective((self.name, target))
-        return settings if target in self.present else replace(settings, present=False)
+        return settings if target in self.present or target in self.wired else replace(settings, present=False)
 
     def _effective(self, link: tuple[str, str]) -> LinkSettings:
         faults = [fault for fault in self.faults.values() if isinstance(fault, LinkFault)]
-        return effective(self.plan.links[link], link, faults, self.now_ns)
+        return effective(self.plan.settings(link), link, faults, self.now_ns)
 
     def _change_links(self, fault: LinkFault) -> None:
         for source, target in fault.links:
@@ -345,24 +353,30 @@ class Node:
         batch, self.journal = self.journal, Batch(self.name, self.incarnation)
         return batch
 
+    def heeded(self) -> tuple[str, ...]:
+        """Whose frames may make the agent act: everybody's, or the world's alone if it acts on samples and timers."""
+        if not self.timers_only or self._waiting is not None:
+            return self.neighbours
+        return tuple(name for name in self.wired if name == WORLD)
+
     def promises(self, arrivals_ns: int) -> dict[str, int]:
         """For each outlet the earliest instant at which its next transmission can start, or for ever.
 
         An agent that stands still may be told to go on at any instant that nobody has passed.
 
         Args:
-            arrivals_ns: no frame that is yet unheard is due before this.
+            arrivals_ns: no frame of those who are heeded that is yet unheard is due before this.
         """
         if self.dead:
             return dict.fromkeys(self.sending.outlets, OVER_NS)
-        on_timers = self.timers_only and self._waiting is None
-        acts = FOREVER_NS if on_timers else arrivals_ns
+        heeded = self.heeded()
+        acts = arrivals_ns
         starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
             if rank >= OFFER and not (rank == TRANSMIT and self.sending.contends(event[SOURCE])):
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif rank < OFFER and time_ns < acts and not (on_timers and isinstance(event[DATA], Frame)):
+            elif rank < OFFER and time_ns < acts and (event[SOURCE] in heeded or not isinstance(event[DATA], Frame)):
                 acts = time_ns
             if rank == FAULT:
                 for name in self._accesses_changed(event):

@@ -17,6 +17,8 @@ from ..transport.links import LinkSettings
 from .sensing import measured
 
 MILLISECOND_NS = 1_000_000
+WORLD = "world"
+"""Name of the agent that a coupled world runs as."""
 
 
 class World(Protocol):
@@ -67,13 +69,20 @@ class Running(Protocol):
 class Coupled(Protocol):
     """A world that agents act upon, so that what they measure hangs on what they did: it runs as an agent of its own.
 
-    `sense_delay_ns`: from the taking of a sample to its arrival at the agent. `act_delay_ns`: from a command to its
-    effect. Both are at least 1. `truth_rate`: how often the truth is written down [Hz].
+    Both delays are at least 1.
     """
 
-    sense_delay_ns: int
-    act_delay_ns: int
-    truth_rate: float
+    @property
+    def sense_delay_ns(self) -> int:
+        """From the taking of a sample to its arrival."""
+
+    @property
+    def act_delay_ns(self) -> int:
+        """From a command to its effect."""
+
+    @property
+    def truth_rate(self) -> float:
+        """How often the truth is written down [Hz]."""
 
     def sensors(self, agent: str) -> Mapping[str, float]:
         """Sensor name → rate in Hz, for one agent."""
@@ -86,7 +95,8 @@ class Coupled(Protocol):
 class AgentPlan:
     """One agent: its kind (a registered name or `package.module:Class`), parameters and place in the graph.
 
-    `position` is in metres about the centroid, where the topology has positions.
+    `position` is in metres about the centroid, where the topology has positions. `wired`: to whom it is joined by wires
+    that nothing impairs, as to a coupled world.
     """
 
     name: str
@@ -96,6 +106,7 @@ class AgentPlan:
     degrees: Mapping[str, int]
     position: tuple[float, ...] | None = None
     compute_ns: int = MILLISECOND_NS
+    wired: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,6 +116,8 @@ class Plan:
     `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
     which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
     how many there are), for radios that take turns. `groups`: name → agents, as live faults may name them.
+    `world` goes its own way, a `coupled` one is acted upon. `beside`: who runs beside the agents and is none of them,
+    which is a coupled world; `wires`: what joins it to them.
     """
 
     name: str
@@ -117,10 +130,22 @@ class Plan:
     presence: Mapping[LinkName, tuple[Span, ...]] = field(default_factory=dict)
     slots: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    coupled: Coupled | None = None
+    beside: tuple[AgentPlan, ...] = ()
+    wires: Mapping[LinkName, LinkSettings] = field(default_factory=dict)
+
+    @property
+    def everybody(self) -> tuple[AgentPlan, ...]:
+        """The agents, and who runs beside them: each has a process of its own."""
+        return self.agents + self.beside
 
     def agent(self, name: str) -> AgentPlan:
-        """The agent of this name."""
-        return next(agent for agent in self.agents if agent.name == name)
+        """The agent of this name, or who runs beside the agents under it."""
+        return next(agent for agent in self.everybody if agent.name == name)
+
+    def settings(self, link: LinkName) -> LinkSettings:
+        """Of a link or a wire, as the scenario has them."""
+        return self.wires[link] if link in self.wires else self.links[link]
 
     def kills(self, agent: str) -> list[Kill]:
         """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""

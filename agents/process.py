@@ -103,7 +103,9 @@ class _Shell:
             me = it.plan.agent(it.name)
             radio = {other for other in me.neighbours if on_air(it.plan.links[it.name, other].medium)}
             self._links = {
-                other: zs.publisher(session, keys.link(it.name, other)) for other in me.neighbours if other not in radio
+                other: zs.publisher(session, keys.link(it.name, other))
+                for other in me.neighbours + me.wired
+                if other not in radio
             }
             if radio:
                 self._links[AIR] = zs.publisher(session, keys.air(it.name))

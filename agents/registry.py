@@ -16,6 +16,8 @@ _BUILT_IN = {
     "dfa-module": "volery.agents.dfa_module:DfaModule",
     "sensor-node": "volery.agents.sensor_node:SensorNode",
 }
+_BESIDE = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}
+"""What runs beside agents and is none that a scenario could ask for."""
 
 
 def names() -> list[str]:
@@ -30,7 +32,7 @@ def find(kind: str) -> type[Agent]:
     Raises:
         BadInput: no such name, module or class, or not a subclass of Agent.
     """
-    target = kind if ":" in kind else _BUILT_IN.get(kind)
+    target = kind if ":" in kind else {**_BUILT_IN, **_BESIDE}.get(kind)
     if target is None:
         points = entry_points(group=ENTRY_POINTS, name=kind)
         if not points:

@@ -211,7 +211,8 @@ class Sending:
         payload, start, airtime, copies = transmission
         incarnation, journal = self._node.incarnation, self._node.journal.sent
         for target, sequence, copy, due, verdict in copies:
-            journal.append(Sent(target, sequence, len(payload), start, airtime, due, verdict, copy))
+            if target not in self._node.wired:
+                journal.append(Sent(target, sequence, len(payload), start, airtime, due, verdict, copy))
             if name != AIR:
                 self.sent[name] = sent = self.sent[name] + 1
                 carried = payload if verdict == DELIVERED else b""

@@ -16,6 +16,9 @@ from ..units import first_period, period_ns
 if TYPE_CHECKING:
     from .plan import Plan
 
+_STRIDE_OF_ROWS = 2**16
+"""Between the draws for samples whose number of rows varies."""
+
 
 def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
     """The sensor's index-th sample, None where it sees nothing.
@@ -49,18 +52,61 @@ def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index
     return value
 
 
+class Disturbances:
+    """The same for a coupled world, whose samples are taken once and in the order of their times."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._last: dict[tuple[str, str], NDArray[np.float64] | None] = {}
+        self._stuck: dict[tuple[str, str, str], NDArray[np.float64] | None] = {}
+
+    def disturbed(
+        self,
+        faults: Iterable[Fault],
+        agent: str,
+        sensor: str,
+        index: int,
+        time_ns: int,
+        value: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64] | None:
+        """The index-th sample as the faults leave it; see `measured`.
+
+        Raises:
+            BadInput: a fault's size has another number of components than the sensor.
+        """
+        mine = [
+            fault
+            for fault in faults
+            if isinstance(fault, SensorFault)
+            and (fault.agent, fault.sensor) == (agent, sensor)
+            and fault.in_force(time_ns)
+        ]
+        failed = False
+        for fault in sorted(mine, key=lambda fault: (fault.at_ns, fault.id)):
+            if fault.trouble == "stuck":
+                value = self._stuck.setdefault((fault.id, agent, sensor), self._last.get((agent, sensor)))
+            elif fault.trouble == "failed":
+                failed = True
+            elif value is not None:
+                value = _disturbed(self._seed, fault, value, index)
+        value = None if failed else value
+        self._last[agent, sensor] = value
+        return value
+
+
 def _disturbed(seed: int, fault: SensorFault, value: NDArray[np.float64], index: int) -> NDArray[np.float64]:
     size: NDArray[np.float64] = np.asarray(fault.size, dtype=np.float64)
-    if len(size) not in (1, value.size):
+    if len(size) not in (1, value.shape[-1]):
         raise BadInput(
-            f"fault {fault.id}: size has {len(size)} components, sensor {fault.agent}.{fault.sensor} {value.size}"
+            f"fault {fault.id}: size has {len(size)} components, sensor {fault.agent}.{fault.sensor} {value.shape[-1]}"
         )
     if fault.trouble == "bias":
         return value + size
     draws = stream(seed, f"sensor-{fault.trouble}", fault.id, fault.agent, fault.sensor)
     if fault.trouble == "noise":
-        normal = [draws.normal(index * value.size + component) for component in range(value.size)]
-        value = value + size * np.array(normal).reshape(value.shape)
-        return value
+        stride = value.size if value.ndim == 1 else _STRIDE_OF_ROWS
+        normal = [draws.normal(index * stride + component) for component in range(value.size)]
+        disturbed: NDArray[np.float64] = value + size * np.array(normal).reshape(value.shape)
+        return disturbed
     sign = 1.0 if draws.uniform(2 * index) < 0.5 else -1.0
     return value + sign * size if draws.uniform(2 * index + 1) < fault.probability else value

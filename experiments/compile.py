@@ -9,7 +9,8 @@ from dataclasses import replace
 import networkx as nx
 
 from .. import topologies, worlds
-from ..agents.plan import AgentPlan, Moving, Plan, World
+from ..agents.coupled_world import couple
+from ..agents.plan import AgentPlan, Coupled, Moving, Plan, World
 from ..errors import BadInput
 from ..topologies import TimedGraph
 from ..transport.faults import Fault, LinkName
@@ -59,12 +60,18 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         scenario.duration,
         _agents(timed.union, _kinds(scenario, places, problems), placed=not isinstance(world, Moving)),
         links,
-        world,
+        None if isinstance(world, Coupled) else world,
         faults,
         presence={link: spans for edge, spans in timed.presence.items() for link in (edge, edge[::-1])},
         slots=radio_slots(links),
         groups=scenario.groups,
+        coupled=world if isinstance(world, Coupled) else None,
     )
+    if plan.coupled is not None:
+        try:
+            plan = couple(plan)
+        except BadInput as error:
+            problems.append(Problem(("topology",), str(error)))
     if not problems:
         problems = [*misfits(plan), *contradictions(plan, scenario.faults)]
     return plan, problems
@@ -77,7 +84,7 @@ def _placed(error: BadInput, field: str) -> Problem:
     return Problem((*place.split("."), *_QUOTED.findall(message)[:1]), message)
 
 
-def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | None]:
+def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | Coupled | None]:
     """The graph over time and the world; whichever of the two says who the agents are is made first.
 
     Raises:
@@ -147,7 +154,7 @@ def _faults(scenario: Scenario, places: Places, problems: list[Problem]) -> tupl
     return tuple(faults)
 
 
-def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> World | None:
+def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> World | Coupled | None:
     if scenario.world is None:
         return None
     positions = topologies.positions(graph)
@@ -157,7 +164,7 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
             text = f"agents of topology {kind} have no positions, and this world needs them"
             raise BadInput(f"world: {text}: take an array, or drop the world")
         places = {name: (x, y) for name, (x, y, *_) in positions.items()}
-        world: World = worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
+        world: World | Coupled = worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
     except BadInput as error:
         problems.append(_placed(error, "world"))
         return None

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from ..agents.plan import Coupled
 from ..errors import BadInput
 from ..topologies import ordered
 from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, SensorTrouble
@@ -142,10 +143,17 @@ def _sensor(entry: FaultEntry, places: Places) -> Iterator[Fault]:
 
 
 def _components(places: Places, agent: str, sensor: str) -> int | None:
-    """How many numbers a sample of a sensor has, by the first that sees something; None if none of the first does."""
-    assert places.world is not None
-    samples = (places.world.measure(agent, sensor, index) for index in range(_LOOKED_AT))
-    return next((sample.size for sample in samples if sample is not None), None)
+    """How many numbers a sample of a sensor, or a row of it, has by the first that sees something; None if none does.
+
+    Of a coupled world only the first sample of all is known beforehand.
+    """
+    world = places.world
+    assert world is not None
+    if isinstance(world, Coupled):
+        samples = iter([world.begin().measure(agent, sensor, 0)])
+    else:
+        samples = (world.measure(agent, sensor, index) for index in range(_LOOKED_AT))
+    return next((sample.shape[-1] for sample in samples if sample is not None), None)
 
 
 _DRAFTS: dict[str, Callable[[FaultEntry, Places], Iterator[Fault]]] = {

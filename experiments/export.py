@@ -75,7 +75,7 @@ def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
     """One row for each component of each estimate, in the order of ESTIMATE_COLUMNS."""
     for quantity in record.quantities():
         all_series = record.estimates(quantity)
-        beside = references(record.as_run, quantity, all_series)
+        beside = references(record, quantity, all_series)
         for agent, series in all_series.items():
             oracles, truths = beside[agent]
             labels = component_labels(record, quantity, series.value.shape[1])
@@ -100,7 +100,7 @@ def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
     found: dict[str, np.ndarray[Any, Any]] = {}
     for quantity in record.quantities():
         series = record.estimates(quantity)
-        beside = references(record.as_run, quantity, series)
+        beside = references(record, quantity, series)
         found[f"{quantity}.agent"] = np.repeat(list(series), [len(mine.sample) for mine in series.values()])
         for name in ("time_ns", "sample", "value"):
             found[f"{quantity}.{name}"] = np.concatenate([getattr(mine, name) for mine in series.values()])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
-from ..agents.plan import Plan, World
+from ..agents.plan import Coupled, Plan, World
 from ..errors import BadInput
 from ..randomness import stream
 from ..topologies import check_name, natural_key, ordered
@@ -33,7 +33,7 @@ class Places:
     edges: Collection[LinkName]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     seed: int = 0
-    world: World | None = None
+    world: World | Coupled | None = None
     fault_id: str = ""
 
     @cached_property
@@ -49,7 +49,7 @@ class Places:
 
 def places_of(plan: Plan) -> Places:
     """What faults of a plan may name."""
-    return Places(tuple(plan.links), plan.groups, plan.seed, plan.world)
+    return Places(tuple(plan.links), plan.groups, plan.seed, plan.coupled or plan.world)
 
 
 def _in_order(links: Iterable[LinkName]) -> tuple[LinkName, ...]:

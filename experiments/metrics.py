@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..agents.agent import Finding
 from ..agents.registry import find
 from ..estimators import metrics as measures
 from ..topologies import natural_key
@@ -131,6 +133,7 @@ class Metrics:
     """All metrics of a run; links by name, "3>7".
 
     `wall_s`: how long it took by the clock, NaN where nobody wrote it down. `airtime`: medium → its utilisation.
+    `findings`: what the kinds of agents have to say, and how often what was noted.
     """
 
     name: str
@@ -141,6 +144,7 @@ class Metrics:
     links: Mapping[str, LinkMetrics]
     airtime: Mapping[str, float]
     processes: Mapping[str, ProcessMetrics]
+    findings: tuple[Finding, ...]
     fidelity: Fidelity
 
     @property
@@ -176,6 +180,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         links=links,
         airtime=airtime_utilisation(record, frames),
         processes=_processes(record),
+        findings=tuple(_findings(record)),
         fidelity=judge(
             record, [one.account for one in links.values()], {name: one.channel for name, one in links.items()}
         ),
@@ -324,6 +329,17 @@ def _processes(record: Record) -> dict[str, ProcessMetrics]:
         for event in batch.events
         if event["event"] == "done"
     }
+
+
+def _findings(record: Record) -> Iterator[Finding]:
+    """What each kind of agents has to say, then the notes by what they say."""
+    for kind in dict.fromkeys(agent.kind for agent in record.plan.agents):
+        yield from find(kind).findings(record.as_run, record)
+    for what, count in Counter(note["what"] for note in record.notes).items():
+        first = next(note for note in record.notes if note["what"] == what)
+        yield Finding(
+            f"noted: {what}", count, "", f"first by {first['agent']} at {first['time_ns'] / NANOSECONDS:.3f} s"
+        )
 
 
 def _defined(value: Any) -> Any:

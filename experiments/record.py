@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..agents.journal import Batch, Estimate
-from ..agents.plan import Plan
+from ..agents.journal import NOTED, Batch, Estimate
+from ..agents.plan import WORLD, Plan
 from ..errors import BadInput
 from ..topologies import natural_key
 from ..transport.faults import Fault, LinkName, from_plain, kills_of
@@ -120,9 +120,36 @@ class Record:
         """The directed links, in natural order."""
         return tuple(sorted(self.plan.links, key=lambda link: (natural_key(link[0]), natural_key(link[1]))))
 
+    @cached_property
+    def of_agents(self) -> dict[Life, Batch]:
+        """The batches of the agents in natural order, without those of who ran beside them."""
+        beside = {one.name for one in self.plan.beside}
+        mine = (item for item in self.batches.items() if item[0][0] not in beside)
+        return dict(sorted(mine, key=lambda item: (natural_key(item[0][0]), item[0][1])))
+
     def quantities(self) -> tuple[str, ...]:
-        """What was reported, in alphabetical order."""
-        return tuple(sorted({estimate.quantity for batch in self.batches.values() for estimate in batch.estimates}))
+        """What agents reported, in alphabetical order."""
+        return tuple(sorted({estimate.quantity for batch in self.of_agents.values() for estimate in batch.estimates}))
+
+    @cached_property
+    def beside(self) -> dict[str, Series]:
+        """What a coupled world wrote down: quantity → its true values, or what an onlooker estimated of it."""
+        reports: dict[str, list[Estimate]] = {}
+        for one in self.plan.beside:
+            for estimate in self.batches.get((one.name, 0), Batch(one.name, 0)).estimates:
+                reports.setdefault(estimate.quantity, []).append(estimate)
+        return {name: _series(WORLD, mine, len(mine[0].value)) for name, mine in reports.items()}
+
+    @cached_property
+    def notes(self) -> tuple[Mapping[str, Any], ...]:
+        """What agents, and who ran beside them, noted: {"agent": …, "what": …, "time_ns": …, …}, in order of time."""
+        found = (
+            {"agent": agent, **event}
+            for (agent, _), batch in self.batches.items()
+            for event in batch.events
+            if event["event"] == NOTED
+        )
+        return tuple(sorted(found, key=lambda note: (note["time_ns"], natural_key(note["agent"]))))
 
     def estimates(self, quantity: str) -> dict[str, Series]:
         """Agent → what it reported of a quantity through all its lives; agents that never did are absent.
@@ -131,7 +158,7 @@ class Record:
             BadInput: nobody reported it, or an agent's reports of it differ in length.
         """
         reports: dict[str, list[Estimate]] = {}
-        for (agent, _), batch in sorted(self.batches.items(), key=lambda item: (natural_key(item[0][0]), item[0][1])):
+        for (agent, _), batch in self.of_agents.items():
             if mine := [estimate for estimate in batch.estimates if estimate.quantity == quantity]:
                 reports.setdefault(agent, []).extend(mine)
         if not reports:

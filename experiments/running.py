@@ -110,7 +110,7 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
     began = time.monotonic()
-    status = Status(plan.duration_ns, len(plan.agents), alive={agent.name for agent in plan.agents})
+    status = Status(plan.duration_ns, len(plan.everybody), alive={agent.name for agent in plan.everybody})
 
     class Sink:
         """Counts what goes into the record."""

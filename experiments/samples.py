@@ -14,7 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..agents.plan import Plan
+from ..agents.coupled_world import ORACLE
 from ..agents.registry import find
 from ..errors import BadInput
 from ..estimators.metrics import disagreement, error
@@ -64,7 +64,7 @@ def samples(record: Record, quantity: str) -> Samples:
         BadInput: nobody reported it, or in different lengths.
     """
     series = record.estimates(quantity)
-    beside = references(record.as_run, quantity, series)
+    beside = references(record, quantity, series)
     if _numbered([mine.sample for mine in series.values()]):
         time_ns, index, rows = _by_sample(series)
     else:
@@ -117,13 +117,24 @@ def _by_instant(series: Mapping[str, Series], faults: tuple[Fault, ...]) -> tupl
     return time_ns, index, rows
 
 
-def references(plan: Plan, quantity: str, series: Mapping[str, Series]) -> dict[str, tuple[Floats, Floats]]:
+def references(record: Record, quantity: str, series: Mapping[str, Series]) -> dict[str, tuple[Floats, Floats]]:
     """Agent → what the oracle says and what is true for each of its reports, (n, k), rows of NaN where not known.
+
+    In a closed loop these are what the world wrote down under the same index.
 
     Raises:
         BadInput: the agents' class gives references of another length than its agents report.
     """
     width = next(iter(series.values())).value.shape[1]
+    plan = record.as_run
+    if plan.coupled is not None:
+        return {
+            agent: (
+                _written_down(record.beside, mine, width, (f"{ORACLE}{quantity}@{agent}", f"{ORACLE}{quantity}")),
+                _written_down(record.beside, mine, width, (f"{quantity}@{agent}", quantity)),
+            )
+            for agent, mine in series.items()
+        }
 
     @cache
     def oracle(kind: str, index: int) -> Floats:
@@ -140,6 +151,18 @@ def references(plan: Plan, quantity: str, series: Mapping[str, Series]) -> dict[
         oracles = [oracle(kind, index) for index, _ in reports]
         found[agent] = np.array(oracles), np.array([truth(kind, *report) for report in reports])
     return found
+
+
+def _written_down(beside: Mapping[str, Series], mine: Series, width: int, names: tuple[str, str]) -> Floats:
+    """What the world wrote down, under the first of the names that it knows, for each report of an agent."""
+    name = next((name for name in names if name in beside), None)
+    if name is None:
+        return np.full((len(mine.sample), width), np.nan)
+    written = beside[name]
+    _row(written.value[0], width, f"what the world wrote down as {name!r}")
+    rows = np.searchsorted(written.sample, mine.sample)
+    known = np.append(written.sample, -1)[rows] == mine.sample
+    return _take(written.value, np.where(known, rows, -1))
 
 
 def _row(value: ArrayLike | None, width: int, what: str) -> Floats:

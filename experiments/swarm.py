@@ -76,11 +76,10 @@ class Swarm:
     ) -> None:
         self.plan = plan
         self.pace = pace
-        self.status = Status(plan.duration_ns, len(plan.agents))
+        self.status = Status(plan.duration_ns, len(plan.everybody))
         self.endpoint = ""
-        self.passwords = {
-            name: secrets.token_urlsafe(18) for name in (*(agent.name for agent in plan.agents), OPERATOR)
-        }
+        names = *(agent.name for agent in plan.everybody), OPERATOR
+        self.passwords = {name: secrets.token_urlsafe(18) for name in names}
         self.session: zs.Session
         self.live_faults: dict[str, Fault] = {fault.id: fault for fault in plan.faults}
         self.interventions = 0
@@ -113,7 +112,8 @@ class Swarm:
         with tempfile.TemporaryDirectory(prefix="volery-") as private:
             passwords = Path(private) / "passwords"
             passwords.write_text("".join(f"{user}:{word}\n" for user, word in self.passwords.items()), encoding="ascii")
-            control = access_control(self._keys, {agent.name: agent.neighbours for agent in self.plan.agents})
+            joined = {agent.name: agent.neighbours + agent.wired for agent in self.plan.everybody}
+            control = access_control(self._keys, joined)
             self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
         told, wall_ns = False, 0
         try:
@@ -138,12 +138,12 @@ class Swarm:
     # -- beginning ----------------------------------------------------------------------------------------------
 
     async def _start(self) -> None:
-        for agent in self.plan.agents:
+        for agent in self.plan.everybody:
             self.spawn(agent.name, 0)
-        await self.joined([(agent.name, 0) for agent in self.plan.agents])
+        await self.joined([(agent.name, 0) for agent in self.plan.everybody])
         if self.pace == "realtime":
             await self.order({"do": "rehearse"})
-        head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.agents)
+        head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.everybody)
         self._epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self._sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
         await self.order(self._start_order(0))

@@ -24,6 +24,12 @@ def metrics_tables(metrics: Metrics) -> list[Table]:
         tables += [_components(name, quantity), _errors(name, quantity)]
         if quantity.recoveries:
             tables.append(_recoveries(name, quantity))
+    if metrics.findings:
+        rows = (
+            (one.name, "" if math.isnan(one.value) else _number(one.value, one.unit), one.text)
+            for one in metrics.findings
+        )
+        tables.append(_table("Findings", "of", "value", "", rows=rows))
     accounts = {name: link.account for name, link in metrics.links.items()}
     tables += [_frames(metrics), _worst(metrics.links, accounts), _oldest(metrics.links), _airtime(metrics.airtime)]
     open_links = [name for name, link in metrics.links.items() if not link.closes]

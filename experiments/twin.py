@@ -51,8 +51,8 @@ class Twin:
         self._last_heard = last_heard or {}
         self.heap: list[Event] = []
         self._dead: list[Node] = []
-        self._order = {agent.name: index for index, agent in enumerate(plan.agents)}
-        self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.agents}
+        self._order = {agent.name: index for index, agent in enumerate(plan.everybody)}
+        self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.everybody}
         for agent in plan.agents:
             for incarnation, kill in enumerate(plan.kills(agent.name), start=1):
                 if kill.until_ns is not None:

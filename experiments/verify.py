@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..agents.journal import LAST_HEARD, Batch, Estimate
+from ..agents.journal import LAST_HEARD, MISSED, Batch, Estimate
 from .machine import differences
 from .record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
@@ -191,6 +191,11 @@ def _causes(record: Record) -> Iterator[str]:
             yield f"agent {event['agent']} {event['cause']} at {event['time_ns'] / 1e9:.3f} s"
     if record.end_ns is None:
         yield "the record was broken off: what it holds was compared"
+    for (agent, _), batch in record.batches.items():
+        for event in batch.events:
+            if event["event"] == MISSED:
+                what = f"{event['count']} messages from {event['source']} to {agent}"
+                yield f"{what} were lost by the middleware before {event['time_ns'] / 1e9:.3f} s"
     late = sorted((entry, life) for life, batch in record.batches.items() for entry in batch.late)
     if late:
         yield f"{len(late):,} late frames (a late frame need not be a departure):"

@@ -161,9 +161,10 @@ class Horizon:
         returns = (from_ns for life, from_ns in self._returns[source] if not self.knows(source, life))
         self._bounds[source] = min([due_ns, *returns])
 
-    def safe_ns(self) -> int:
-        """Every frame due before this instant is here."""
-        return min(self._bounds.values(), default=FOREVER_NS)
+    def safe_ns(self, sources: Iterable[str] | None = None) -> int:
+        """Every frame due before this instant, of all or of some neighbours, is here."""
+        bounds = self._bounds.values() if sources is None else (self._bounds[source] for source in sources)
+        return min(bounds, default=FOREVER_NS)
 
     def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
         """Those of the sources that may still start something before an instant."""

@@ -33,21 +33,21 @@ class Network:
     def __init__(self, plan: Plan, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
         self._plan = plan
-        self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in plan.links}
-        self._promised = dict.fromkeys(plan.links, 0)
+        self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in (*plan.links, *plan.wires)}
+        self._promised = dict.fromkeys(self._wire, 0)
         self._woken: list[Callable[[], None]] = []
         self._interventions = 0
         self._intervening = False
         self._live: dict[str, Fault] = {}
         self._collector = Collector()
-        self._subscribed = {agent.name for agent in plan.agents}
+        self._subscribed = {agent.name for agent in plan.everybody}
         self._over: set[tuple[str, int]] = set()
         self._outside: set[tuple[str, int]] = set()
         self._standing_by: set[str] = set()
         self.done: set[str] = set()
         self.pacers: dict[str, Lockstep] = {}
         self.nodes: dict[str, Node] = {}
-        for agent in plan.agents:
+        for agent in plan.everybody:
             self._make(agent.name)
 
     def _make(self, name: str, incarnation: int = 0, start_ns: int = 0, saved: bytes | None = None) -> None:
@@ -177,6 +177,10 @@ class Network:
     def living(self) -> list[str]:
         """Agents that are neither dead nor on standby."""
         return [name for name, node in self.nodes.items() if not node.dead and name not in self._standing_by]
+
+    def wire(self, source: str, target: str) -> list[Message]:
+        """What is on its way from one to another."""
+        return [decode(message) for message in self._wire[source, target]]
 
     def deliver_until(self, reached: Callable[[], bool]) -> bool:
         """Deliver until something has come about, or nothing is left."""

@@ -1,0 +1,139 @@
+"""A coupled world as an agent: it takes samples and commands, and writes the truth down.
+
+It is joined to every agent by wires that nothing impairs. A sample that is taken at an instant arrives the sense delay
+later, a command takes effect the act delay after it was given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from ..transport.latencies import Constant
+from ..transport.links import LinkSettings
+from ..units import period_ns
+from .agent import Agent, Received, Sample, Timer
+from .context import NodeContext
+from .plan import WORLD, AgentPlan, Plan, Running
+from .sensing import Disturbances
+from .wires import pack_samples, unpack_command
+
+KIND = "coupled-world"
+ORACLE = "oracle "
+"""Before the name of a quantity: what the centralised estimator beside the world says of it."""
+_STEP = "step"
+_WIDEST = 2**31
+
+
+def couple(plan: Plan) -> Plan:
+    """The plan with its coupled world as an agent of its own, and the wires to it.
+
+    Raises:
+        BadInput: an agent has the name that the world is to have.
+    """
+    world = plan.coupled
+    assert world is not None
+    names = tuple(agent.name for agent in plan.agents)
+    if WORLD in names:
+        raise BadInput(f"an agent is called {WORLD}, as what the agents act upon is: call it something else")
+    sense, act = _wire(world.sense_delay_ns), _wire(world.act_delay_ns)
+    wires = {(WORLD, name): sense for name in names} | {(name, WORLD): act for name in names}
+    beside = AgentPlan(WORLD, KIND, None, (), {WORLD: 0}, compute_ns=0, wired=names)
+    agents = tuple(replace(agent, wired=(WORLD,)) for agent in plan.agents)
+    return replace(plan, agents=agents, beside=(beside,), wires=wires)
+
+
+def _wire(delay_ns: int) -> LinkSettings:
+    return LinkSettings(mtu=_WIDEST, latency=Constant(delay_ns))
+
+
+class CoupledWorld(Agent):
+    """Advances the world of its plan from instant to instant at which somebody senses, acts, or the truth is due.
+
+    It reports every true quantity under its own name at the world's `truth_rate`, and what the agents' onlooker
+    estimates under `oracle QUANTITY`.
+    """
+
+    timers_only = True
+
+    def __init__(self, context: NodeContext, parameters: Any) -> None:
+        super().__init__(context, parameters)
+        self._wires = context
+        plan, world = context.plan, context.plan.coupled
+        assert world is not None
+        self._running: Running = world.begin()
+        self._disturbances = Disturbances(plan.seed)
+        self._truth_rate = world.truth_rate
+        self._sensors = {agent.name: world.sensors(agent.name) for agent in plan.agents}
+        self._next: dict[float, int] = dict.fromkeys(
+            {rate for mine in self._sensors.values() for rate in mine.values()}, 0
+        )
+        self._next_truth = 0
+        self._onlooker = context.onlooker()
+
+    def start(self) -> None:
+        """Take the first samples at once."""
+        self._wait()
+
+    def _wait(self) -> None:
+        times = [period_ns(rate, index) for rate, index in (*self._next.items(), self._truth_due())]
+        self.context.set_timer(min(times), _STEP)
+
+    def _truth_due(self) -> tuple[float, int]:
+        return self._truth_rate, self._next_truth
+
+    def on_timer(self, timer: Timer) -> None:
+        """Take the samples of this instant, then write the truth down if that is due."""
+        now_ns = timer.time_ns
+        self._running.advance(now_ns)
+        due = {rate: index for rate, index in self._next.items() if period_ns(rate, index) == now_ns}
+        if due:
+            self._sense(due, now_ns)
+            self._next.update((rate, index + 1) for rate, index in due.items())
+        if period_ns(*self._truth_due()) == now_ns:
+            self._write_down(now_ns)
+            self._next_truth += 1
+        self._wait()
+
+    def _sense(self, due: Mapping[float, int], now_ns: int) -> None:
+        for agent, sensors in self._sensors.items():
+            samples = [
+                Sample(sensor, due[rate], now_ns, self._measured(agent, sensor, due[rate], now_ns))
+                for sensor, rate in sensors.items()
+                if rate in due
+            ]
+            if self._onlooker is not None:
+                for sample in samples:
+                    self._onlooker.sampled(agent, sample)
+            if samples:
+                self._wires.wire(agent, pack_samples(samples))
+
+    def _measured(self, agent: str, sensor: str, index: int, now_ns: int) -> NDArray[np.float64] | None:
+        value = self._running.measure(agent, sensor, index)
+        return self._disturbances.disturbed(self._wires.faults, agent, sensor, index, now_ns, value)
+
+    def _write_down(self, now_ns: int) -> None:
+        for quantity, value in self._running.truth().items():
+            self.context.report(quantity, value, self._next_truth)
+        if self._onlooker is not None:
+            for quantity, value in self._onlooker.estimates(now_ns).items():
+                self.context.report(f"{ORACLE}{quantity}", value, self._next_truth)
+        self._note_events()
+
+    def _note_events(self) -> None:
+        for event in self._running.events():
+            facts = dict(event)
+            self.context.note(facts.pop("event"), **facts)
+
+    def on_frame(self, frame: Received) -> None:
+        """A command takes effect."""
+        command, value = unpack_command(frame.payload)
+        self._running.advance(self.context.now_ns)
+        self._running.act(frame.source, command, value)
+        if self._onlooker is not None:
+            self._onlooker.commanded(frame.source, command, value, self.context.now_ns)
