@@ -69,6 +69,10 @@ class Context(Protocol):
         """Whom it may talk to now, in natural order."""
 
     @property
+    def swarm(self) -> tuple[str, ...]:
+        """Whom there is besides and itself, in natural order; known before the start, whoever is in reach."""
+
+    @property
     def degrees(self) -> Mapping[str, int]:
         """Number of neighbours of itself and of each neighbour."""
 
@@ -199,11 +203,13 @@ class Agent:
 
     `Parameters` is a frozen dataclass: its fields are what a scenario may write under `agents:`.
     `timers_only` says that this agent sends and sets timers from samples and timers only, never from a frame; its
-    promises in lockstep pace then reach further.
+    promises in lockstep pace then reach further. `aside` names quantities that are reported for findings and exports:
+    they are no estimates of one thing by all, so there are no errors of them.
     """
 
     Parameters: ClassVar[type] = NoParameters
     timers_only: ClassVar[bool] = False
+    aside: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, context: Context, parameters: Any) -> None:
         self.context = context

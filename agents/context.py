@@ -49,6 +49,11 @@ class NodeContext:
         return self._node.present
 
     @property
+    def swarm(self) -> tuple[str, ...]:
+        """All agents of the run, in natural order."""
+        return tuple(agent.name for agent in self.plan.agents)
+
+    @property
     def degrees(self) -> Mapping[str, int]:
         """Number of neighbours of itself and of each neighbour."""
         return self._node.degrees

@@ -69,7 +69,7 @@ def plot(
         BadInput: no such figure, format or quantity, or no run.
     """
     record = load(folder)
-    shown = which or (FIGURES if record.quantities() else _OF_LINKS)
+    shown = which or (FIGURES if record.compared() else _OF_LINKS)
     return draw(record, shown, out or folder / "figures", formats, quantity)
 
 
@@ -130,7 +130,7 @@ class _Subject:
     @cached_property
     def seen(self) -> Samples:
         """The samples of the asked quantity, or of the first that there is."""
-        quantities = self.record.quantities()
+        quantities = self.record.compared()
         if not quantities:
             raise BadInput("no agent reported an estimate: there is nothing to draw but links")
         return samples(self.record, self._quantity or quantities[0])

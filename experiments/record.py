@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..agents.journal import NOTED, Batch, Estimate
 from ..agents.plan import WORLD, Plan
+from ..agents.registry import find
 from ..errors import BadInput
 from ..topologies import natural_key
 from ..transport.faults import Fault, LinkName, from_plain, kills_of
@@ -130,6 +131,11 @@ class Record:
     def quantities(self) -> tuple[str, ...]:
         """What agents reported, in alphabetical order."""
         return tuple(sorted({estimate.quantity for batch in self.of_agents.values() for estimate in batch.estimates}))
+
+    def compared(self) -> tuple[str, ...]:
+        """Those of them that are estimates, and not what a class of agents reports aside."""
+        aside = {name for agent in self.plan.agents for name in find(agent.kind).aside}
+        return tuple(quantity for quantity in self.quantities() if quantity not in aside)
 
     @cached_property
     def beside(self) -> dict[str, Series]:

@@ -71,18 +71,19 @@ class Averager(Agent):
 def _plan(edges: Sequence[tuple[str, str]], duration_ms: int = 1000, **changes: Any) -> Plan:
     settings = changes.pop("settings", LinkSettings(latency=Constant(5 * MS)))
     faults: tuple[Fault, ...] = changes.pop("faults", ())
+    agent: type[Agent] = changes.pop("kind", Averager)
     assert not changes
     links = {link: settings for a, b in edges for link in ((a, b), (b, a))}
     near = {name: tuple(b for a, b in links if a == name) for name, _ in links}
     degrees = {name: len(others) for name, others in near.items()}
-    kind = f"{Averager.__module__}:{Averager.__qualname__}"
+    kind = f"{agent.__module__}:{agent.__qualname__}"
     agents = tuple(AgentPlan(name, kind, None, near[name], degrees) for name in sorted(near, key=int))
     return Plan("crafted", 7, duration_ms * MS, agents, links, None, faults)
 
 
 @pytest.fixture
 def plan_of() -> PlanOf:
-    """Make a plan of averagers: `plan_of(edges, duration_ms, settings=…, faults=…)`."""
+    """Make a plan of averagers: `plan_of(edges, duration_ms, settings=…, faults=…, kind=…)`."""
     return _plan
 
 

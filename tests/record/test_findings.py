@@ -1,0 +1,70 @@
+"""Findings of a kind of agents, what was noted, and quantities that are reported aside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+
+from rich.console import Console
+
+from volery.agents.agent import Agent, Finding, RunData, Timer
+from volery.agents.plan import Plan
+from volery.experiments.metrics import Metrics, compute_metrics
+from volery.experiments.record import Record
+from volery.experiments.tables import metrics_tables
+from volery.units import period_ns
+
+
+class Counter(Agent):
+    """Counts its timers, notes every third, and reports its doubts aside."""
+
+    aside = frozenset({"doubt"})
+
+    def start(self) -> None:
+        """Begin."""
+        self.context.set_timer(0)
+
+    def on_timer(self, timer: Timer) -> None:
+        """Count."""
+        self.context.report("count", [timer.index], timer.index)
+        self.context.report("doubt", [0.5, 0.25, timer.index], timer.index)
+        if timer.index % 3 == 0:
+            self.context.note("third", count=timer.index)
+        self.context.set_timer(period_ns(10.0, timer.index + 1), index=timer.index + 1)
+
+    @classmethod
+    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
+        """The largest count, and that it was counted."""
+        most = max(float(mine.value.max()) for mine in run.estimates("count").values())
+        return [Finding("largest count", most, "times"), Finding("counting", text=f"{len(plan.agents)} agents counted")]
+
+
+def _printed(metrics: Metrics) -> str:
+    console = Console(width=200, record=True, quiet=True)
+    for table in metrics_tables(metrics):
+        console.print(table)
+    return console.export_text()
+
+
+def _counted(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> Metrics:
+    return compute_metrics(twin_run(plan_of([("1", "2")], kind=Counter)))
+
+
+def test_a_kind_says_what_it_found(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> None:
+    """Numbers and sentences stand in the metrics, in their JSON, and in a table; notes are counted."""
+    metrics = _counted(plan_of, twin_run)
+    found = {one.name: (one.value, one.unit, one.text) for one in metrics.findings}
+    assert found["largest count"] == (9.0, "times", "")
+    assert found["counting"][2] == "2 agents counted"
+    assert found["noted: third"] == (8, "", "first by 1 at 0.000 s")
+    written = json.loads(metrics.to_json())["findings"]
+    assert {"name": "counting", "value": None, "unit": "", "text": "2 agents counted"} in written
+    text = _printed(metrics)
+    assert "largest count" in text
+    assert "9 times" in text
+
+
+def test_what_is_reported_aside_has_no_errors(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> None:
+    """It is in the record, and neither in the metrics nor among the figures."""
+    metrics = _counted(plan_of, twin_run)
+    assert list(metrics.quantities) == ["count"]
