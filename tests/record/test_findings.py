@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Sequence
 
@@ -40,7 +41,7 @@ class Counter(Agent):
 
 
 def _printed(metrics: Metrics) -> str:
-    console = Console(width=200, record=True, quiet=True)
+    console = Console(width=200, record=True, file=io.StringIO())
     for table in metrics_tables(metrics):
         console.print(table)
     return console.export_text()
