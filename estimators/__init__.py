@@ -3,10 +3,11 @@
 `plane` holds the linear map and the exact inverse of the flying array's kinematics, `least_squares` the centralised and
 the neighbourhood estimate, `consensus` information pairs and their Metropolis round, `averaging`, `running_sum` and
 `flow_updating` the laws of average consensus that `laws` puts behind one interface, and `metrics` what is measured of a
-run, as `metrics.error` and so on.
+run, as `metrics.error` and so on. `inertial_frame` is the attitude filter of one vehicle, `so3_consensus` the law by
+which several agree on one frame, and `FrameConsensus` both as one agent needs them.
 """
 
-from . import metrics
+from . import inertial_frame, metrics, so3_consensus
 from .averaging import (
     Averaging,
     averaging_message,
@@ -35,6 +36,8 @@ from .flow_updating import (
     flow_updating_update,
     flow_updating_value,
 )
+from .frame_consensus import FrameConsensus
+from .inertial_frame import ImuModel, imu_model
 from .laws import LAWS, ConsensusLaw
 from .least_squares import (
     WELL_CONDITIONED,
@@ -64,7 +67,9 @@ __all__ = [
     "Averaging",
     "ConsensusLaw",
     "FlowUpdating",
+    "FrameConsensus",
     "HandedEstimate",
+    "ImuModel",
     "InformationPair",
     "RunningSum",
     "averaging_message",
@@ -86,6 +91,8 @@ __all__ = [
     "flow_updating_update",
     "flow_updating_value",
     "hand_on",
+    "imu_model",
+    "inertial_frame",
     "initial_pair",
     "metrics",
     "metropolis_round",
@@ -98,6 +105,7 @@ __all__ = [
     "running_sum_start",
     "running_sum_update",
     "running_sum_value",
+    "so3_consensus",
     "unpack_pair",
     "weighted_average",
     "well_conditioned",

@@ -1,0 +1,235 @@
+"""The own inertial frame from an inertial measurement unit: an extended Kalman filter, and the attitude it implies.
+
+The inertial frame is that of (3): x magnetic north, y west, z up, so that thrust is R (0, 0, T). It is the frame north,
+east, down turned by half a turn about x: down = −up, east = −west. An accelerometer measures specific force; at hover
+it reads +g along body z, the direction of up. In flight whose only force is thrust along body z it reads the direction
+of that force and not up: its noise must cover such manoeuvres, and what that costs is said in `imu_model`.
+
+Letters: ω body rates [rad/s], a specific force [m/s²], μ magnetic field [any unit], all in body coordinates;
+x = (ω, a, μ) (9,), P its covariance, J inertia [kg m²], F the Jacobian of the prediction.  Nägeli 2014, Algorithm 2
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import BadInput
+from ..rotations import exp_so3, from_matrix, skew
+from .checks import as_array
+
+Floats = NDArray[np.float64]
+
+LONGEST_STEP_S = 0.1
+"""Longer, and the forward Euler step of (1) no longer follows: at 2 rad/s it adds 2 % to the rates in each step."""
+
+_RATES, _FORCE, _FIELD = slice(0, 3), slice(3, 6), slice(6, 9)
+_TRIPLE = np.arange(3)
+_SMALL = 1e-2
+_UPRIGHT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ImuModel:
+    """What the filter believes of the vehicle and of its sensors.
+
+    `inertia` J, shape (3, 3) [kg m²]; `process`, covariance of (ω, a, μ) that a second adds, shape (9, 9); `noise`,
+    covariance of one reading of gyro, accelerometer and magnetometer, shape (9, 9).
+
+    Raises:
+        BadInput: a matrix of another shape, not symmetric, or not positive definite.
+    """
+
+    inertia: Floats
+    process: Floats
+    noise: Floats
+
+    gyration: Floats = field(init=False)
+    """∂f/∂ω of f = −J⁻¹ (ω × J ω) is this (3, 3, 3) times ω, and f, being quadratic, is half of that times ω."""
+
+    def __post_init__(self) -> None:
+        """Check all three, and work out what (1) needs in each step."""
+        for name, size in (("inertia", 3), ("process", 9), ("noise", 9)):
+            object.__setattr__(self, name, _positive(getattr(self, name), size, name))
+        J = self.inertia
+        by_rate = [np.linalg.solve(J, skew(J @ axis) - skew(axis) @ J) for axis in np.eye(3)]
+        object.__setattr__(self, "gyration", np.stack(by_rate, axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class ImuEstimate:
+    """Estimate of (ω, a, μ), shape (9,) [rad/s, m/s², unit of the magnetometer], and its covariance, shape (9, 9)."""
+
+    state: Floats
+    covariance: Floats
+
+
+def imu_model(
+    inertia: ArrayLike,
+    noise: tuple[float, float, float],
+    walk: tuple[float, float, float],
+) -> ImuModel:
+    """The model with one standard deviation for each triple of (ω, a, μ).
+
+    Where gyros are good, a follows the accelerometer with the time constant τ = noise·√dt / walk, noise and walk of a
+    and dt the time between readings: short against the drift of the gyro, whose bias b tilts the frame by b·τ, and long
+    against manoeuvres. Rates follow the gyro if their walk is that of torques that the filter does not know.
+
+    Args:
+        inertia: J, shape (3, 3) [kg m²].
+        noise: of one reading, [rad/s], [m/s²], [unit of the magnetometer].
+        walk: what a second adds, [rad/s/√s], [m/s²/√s], [unit/√s].
+    Raises:
+        BadInput: a deviation that is not positive, or an inertia that is none.
+    """
+    diagonals = []
+    for what, deviations in (("noise", noise), ("walk", walk)):
+        if len(deviations) != 3 or not all(0.0 < each < math.inf for each in deviations):
+            raise BadInput(f"{what} is {deviations}: give three positive deviations, of rates, force and field")
+        diagonals.append(np.diag(np.repeat(np.square(deviations), 3)))
+    return ImuModel(as_array(inertia, (3, 3), "inertia"), process=diagonals[1], noise=diagonals[0])
+
+
+def at_rest(force: ArrayLike, field: ArrayLike, model: ImuModel) -> ImuEstimate:
+    """The estimate to begin with: directions as first read, no rotation, but rates as unknown as a second makes them.
+
+    Args:
+        force: specific force a, shape (3,) [m/s²].
+        field: magnetic field μ, shape (3,) [unit of the magnetometer].
+        model: for the covariance.
+    """
+    state = np.concatenate([np.zeros(3), as_array(force, (3,), "force"), as_array(field, (3,), "field")])
+    covariance = model.noise.copy()
+    covariance[_RATES, _RATES] += model.process[_RATES, _RATES]
+    return ImuEstimate(state, covariance)
+
+
+def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
+    """The estimate dt_s seconds later; torques are unknown, and directions turn against the body.
+
+    ω⁺ = ω − dt J⁻¹ (ω × J ω),  a⁺ = exp(−skew(ω⁺) dt) a,  μ⁺ likewise,  P⁺ = F P Fᵀ + Q dt
+        Nägeli 2014, Algorithm 2, lines 1–3, with the dt that line 1 lacks and the sign that line 2 needs
+
+    Raises:
+        BadInput: a step that is not positive, or longer than LONGEST_STEP_S.
+    """
+    if not 0.0 < dt_s <= LONGEST_STEP_S:
+        raise BadInput(f"a step of {dt_s:g} s: must be above 0 and at most {LONGEST_STEP_S:g} s, take several")
+    state, F = propagate(estimate.state, model, dt_s)
+    covariance = F @ estimate.covariance @ F.T + model.process * dt_s
+    return ImuEstimate(state, 0.5 * (covariance + covariance.T))
+
+
+def propagate(state: Floats, model: ImuModel, dt_s: float) -> tuple[Floats, Floats]:
+    """The predicted state, shape (9,), and the Jacobian F of the prediction, shape (9, 9).
+
+    ∂ω⁺/∂ω = 1 + dt J⁻¹ (skew(Jω) − skew(ω) J),  ∂a⁺/∂ω = dt E skew(a) V(ω⁺ dt) ∂ω⁺/∂ω,  ∂a⁺/∂a = E = exp(−skew(ω⁺) dt)
+    V is the left Jacobian of SO(3): exp(skew(v + δ)) ≈ exp(skew(V δ)) exp(skew(v)).
+    """
+    rates = state[_RATES]
+    step = dt_s * (model.gyration @ rates)
+    new_rates = rates + 0.5 * (step @ rates)
+    turn = dt_s * new_rates
+    E = exp_so3(-turn)
+    F = np.eye(9)
+    F[_RATES, _RATES] += step
+    by_rates = dt_s * left_jacobian(turn) @ F[_RATES, _RATES]
+    new = np.empty(9)
+    new[_RATES] = new_rates
+    for vector in (_FORCE, _FIELD):
+        new[vector] = E @ state[vector]
+        F[vector, vector] = E
+        F[vector, _RATES] = E @ skew(state[vector]) @ by_rates
+    return new, F
+
+
+def left_jacobian(rotvec: Floats) -> Floats:
+    """V(v) = 1 + (1 − cos θ)/θ² S + (θ − sin θ)/θ³ S², shape (3, 3); θ = ‖v‖ [rad], S = skew(v), S² = vvᵀ − θ² 1."""
+    x, y, z = rotvec.tolist()
+    angle = math.hypot(x, y, z)
+    if angle < _SMALL:  # the series: the next terms, θ⁴/720 and θ⁴/5040, are below rounding
+        square = angle * angle
+        first, second = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
+    else:
+        first = 0.5 * (math.sin(0.5 * angle) / (0.5 * angle)) ** 2
+        second = (angle - math.sin(angle)) / angle**3
+    one = 1.0 - second * angle * angle
+    a, b, c = first * x, first * y, first * z
+    xy, xz, yz = second * x * y, second * x * z, second * y * z
+    rows = (one + second * x * x, xy - c, xz + b, xy + c, one + second * y * y, yz - a, xz - b, yz + a)
+    return np.array((*rows, one + second * z * z)).reshape(3, 3)
+
+
+def update(
+    estimate: ImuEstimate,
+    model: ImuModel,
+    *,
+    gyro: ArrayLike | None = None,
+    accelerometer: ArrayLike | None = None,
+    magnetometer: ArrayLike | None = None,
+) -> ImuEstimate:
+    """The estimate after one reading of each sensor that gave one.
+
+    L = P Cᵀ (C P Cᵀ + R)⁻¹,  x⁺ = x + L (z − C x),  P⁺ = (1 − L C) P
+        Nägeli 2014, Algorithm 2, lines 4–6; C = 1 where all three give readings
+
+    Args:
+        estimate: a priori.
+        model: for R.
+        gyro: shape (3,) [rad/s].
+        accelerometer: specific force, shape (3,) [m/s²].
+        magnetometer: shape (3,), in its unit.
+    Raises:
+        BadInput: a reading that is not three finite numbers.
+    """
+    readings = ((gyro, 0), (accelerometer, 3), (magnetometer, 6))
+    given = [(as_array(values, (3,), "a reading"), place) for values, place in readings if values is not None]
+    if not given:
+        return estimate
+    z = np.concatenate([values for values, _ in given])
+    x, P = estimate.state, estimate.covariance
+    if len(given) == 3:
+        L = np.linalg.solve(P + model.noise, P).T
+        state, covariance = x + L @ (z - x), P - L @ P
+    else:
+        rows = np.concatenate([_TRIPLE + place for _, place in given])
+        seen = P[rows]
+        L = np.linalg.solve(seen[:, rows] + model.noise[np.ix_(rows, rows)], seen).T
+        state, covariance = x + L @ (z - x[rows]), P - L @ seen
+    return ImuEstimate(state, 0.5 * (covariance + covariance.T))
+
+
+def implied_attitude(state: Floats) -> Floats:
+    """The attitude that the estimated directions imply, a unit quaternion, body → north, west, up.
+
+    up = a / ‖a‖,  west = up × μ / ‖up × μ‖,  north = west × up: the rows of R
+        Nägeli 2014, Algorithm 2, line 7, turned half about north: there down = −a, east = down × μ, north = east × down
+
+    Raises:
+        BadInput: a is zero, or μ is parallel to it, so that there is no north.
+    """
+    a, b, c, d, e, f = state[3:].tolist()
+    force = math.hypot(a, b, c)
+    if not force > 0.0:
+        raise BadInput("the estimated specific force is zero: there is no up")
+    a, b, c = a / force, b / force, c / force
+    x, y, z = b * f - c * e, c * d - a * f, a * e - b * d
+    across = math.hypot(x, y, z)
+    if not across > _UPRIGHT * math.hypot(d, e, f):
+        raise BadInput("the estimated magnetic field is zero or parallel to up: there is no north")
+    x, y, z = x / across, y / across, z / across
+    return from_matrix(np.array(((y * c - z * b, z * a - x * c, x * b - y * a), (x, y, z), (a, b, c))))
+
+
+def _positive(values: ArrayLike, size: int, name: str) -> Floats:
+    """The matrix, which has to be symmetric and positive definite."""
+    matrix = as_array(values, (size, size), name)
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+        raise BadInput(f"{name} is not symmetric: {matrix.tolist()}")
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if not smallest > 0.0:
+        raise BadInput(f"{name} must be positive definite: its smallest eigenvalue is {smallest:.6g}, make it positive")
+    return matrix
