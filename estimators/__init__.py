@@ -5,6 +5,11 @@ the neighbourhood estimate, `consensus` information pairs and their Metropolis r
 `flow_updating` the laws of average consensus that `laws` puts behind one interface, and `metrics` what is measured of a
 run, as `metrics.error` and so on. `inertial_frame` is the attitude filter of one vehicle, `so3_consensus` the law by
 which several agree on one frame, and `FrameConsensus` both as one agent needs them.
+
+The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
+`formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
+`formation_square_root`, `formation_consensus` the distributed one with `formation_messages` and
+`formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom.
 """
 
 from . import inertial_frame, metrics, so3_consensus
