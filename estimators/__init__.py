@@ -9,7 +9,10 @@ which several agree on one frame, and `FrameConsensus` both as one agent needs t
 The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
 `formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
 `formation_square_root`, `formation_consensus` the distributed one with `formation_messages` and
-`formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom.
+`formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So is moving
+horizon estimation: `error_state` says what a model with an error state is, `quadrotor_model` and `attitude_model` are
+such models, `moving_horizon` smooths `windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is
+the filter beside it.
 """
 
 from . import inertial_frame, metrics, so3_consensus

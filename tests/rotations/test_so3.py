@@ -49,6 +49,15 @@ def test_exponential_undoes_the_logarithm_near_a_half_turn(q: Floats, gap: float
     np.testing.assert_allclose(rot.exp_so3(found), R, atol=ROUNDING)
 
 
+@given(vectors(3.0), vectors(1.0), st.floats(0.0, 1.0))
+def test_the_right_jacobian_is_the_derivative_of_the_exponential(v: Floats, direction: Floats, scale: float) -> None:
+    """Central differences of log(exp(v)* ⊙ exp(v ± h δ)) with h = 1e-4: h² times a third derivative of size 1."""
+    v, h = v * scale**4, 1e-4
+    ahead, back = (rot.exp_so3(-v) @ rot.exp_so3(v + side * h * direction) for side in (1.0, -1.0))
+    difference = (rot.log_so3(ahead) - rot.log_so3(back)) / (2.0 * h)
+    assert rot.right_jacobian(v) @ direction == pytest.approx(difference, abs=1e-8)
+
+
 @given(q=quaternions(), seed=st.integers(0, 1000), reflect=st.booleans())
 def test_nearest_rotation_beats_those_around_it(q: Floats, seed: int, reflect: bool) -> None:
     """A rotation, and no turn of it by 0.01 or 0.3 rad is nearer to the matrix; also at a negative determinant."""
