@@ -4,7 +4,9 @@
 the neighbourhood estimate, `consensus` information pairs and their Metropolis round, `averaging`, `running_sum` and
 `flow_updating` the laws of average consensus that `laws` puts behind one interface, and `metrics` what is measured of a
 run, as `metrics.error` and so on. `inertial_frame` is the attitude filter of one vehicle, `so3_consensus` the law by
-which several agree on one frame, and `FrameConsensus` both as one agent needs them.
+which several agree on one frame, and `FrameConsensus` both as one agent needs them. `attitude` is about directions
+seen from a body, `dynamic_consensus` about averages of attitudes that follow what agents estimate, `trust` about
+sensors whose readings stop being near what is predicted of them.
 
 The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
 `formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
@@ -16,6 +18,7 @@ the filter beside it.
 """
 
 from . import inertial_frame, metrics, so3_consensus
+from .attitude import learned_quaternion, least_squares_attitude, observation_matrix
 from .averaging import (
     Averaging,
     averaging_message,
@@ -35,6 +38,7 @@ from .consensus import (
     pack_pair,
     unpack_pair,
 )
+from .dynamic_consensus import ToldAttitude, collective_matrices, consensus_rate, consensus_step, largest_step
 from .flow_updating import (
     FlowUpdating,
     flow_updating_message,
@@ -67,10 +71,12 @@ from .running_sum import (
     running_sum_update,
     running_sum_value,
 )
+from .trust import RETURN, Trust, judged
 
 __all__ = [
     "LAWS",
     "PACKED_SIZE",
+    "RETURN",
     "WELL_CONDITIONED",
     "Averaging",
     "ConsensusLaw",
@@ -80,6 +86,8 @@ __all__ = [
     "ImuModel",
     "InformationPair",
     "RunningSum",
+    "ToldAttitude",
+    "Trust",
     "averaging_message",
     "averaging_receive",
     "averaging_round",
@@ -87,6 +95,9 @@ __all__ = [
     "averaging_update",
     "averaging_value",
     "centralised_estimate",
+    "collective_matrices",
+    "consensus_rate",
+    "consensus_step",
     "covariance",
     "design_matrix",
     "design_row",
@@ -102,10 +113,15 @@ __all__ = [
     "imu_model",
     "inertial_frame",
     "initial_pair",
+    "judged",
+    "largest_step",
+    "learned_quaternion",
+    "least_squares_attitude",
     "metrics",
     "metropolis_round",
     "neighbourhood_estimate",
     "noncollinear",
+    "observation_matrix",
     "pack_pair",
     "running_sum_message",
     "running_sum_receive",

@@ -2,20 +2,25 @@
 
 `plane` is a rigid body over flat ground with its nonlinear distances, `signals` the motions it can make, `sensors` what
 measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, `quadrotor` a
-vehicle in controlled flight, `quadrotor_sensors` what it carries, and `scenario` builds a world of any kind from a
-scenario's mapping.
+vehicle in controlled flight, `quadrotor_sensors` what it carries, `rigid_body` a body that turns, `measurement_units`
+the accelerometers and magnetometers on it, and `scenario` builds a world of any kind from a scenario's mapping.
 """
 
 from .calibration import Calibration, calibrate
+from .measurement_units import ACCELEROMETER, DIRECTIONS, MAGNETOMETER, MeasurementUnit, RigidBodyWorld
 from .motions import Circle, Motion, MovingWorld, Paths, RandomWaypoint
 from .plane import PlaneWorld, distances
 from .quadrotor import Airframe, Flight, FlightState, Manoeuvre
 from .quadrotor_sensors import QuadrotorWorld
+from .rigid_body import RigidBody, Turning
 from .scenario import MOVING, build, needs_places
 from .sensors import DistanceSensor, GaussianDistance, Infrared
 from .signals import Constant, Ramp, Signal, Sine, Steps
 
 __all__ = [
+    "ACCELEROMETER",
+    "DIRECTIONS",
+    "MAGNETOMETER",
     "MOVING",
     "Airframe",
     "Calibration",
@@ -27,6 +32,7 @@ __all__ = [
     "GaussianDistance",
     "Infrared",
     "Manoeuvre",
+    "MeasurementUnit",
     "Motion",
     "MovingWorld",
     "Paths",
@@ -34,9 +40,12 @@ __all__ = [
     "QuadrotorWorld",
     "Ramp",
     "RandomWaypoint",
+    "RigidBody",
+    "RigidBodyWorld",
     "Signal",
     "Sine",
     "Steps",
+    "Turning",
     "build",
     "calibrate",
     "distances",

@@ -10,6 +10,7 @@ from ..topologies import Position
 from .moving_scenario import build_moving
 from .plane_scenario import build_plane
 from .quadrotor_scenario import build_quadrotor
+from .rigid_body_scenario import build_rigid_body
 from .written import choice, required
 
 MOVING = "moving"
@@ -27,6 +28,7 @@ _KINDS: Mapping[str, _Kind] = {
     "plane": _Kind(build_plane, needs_places=True),
     MOVING: _Kind(build_moving),
     "quadrotor": _Kind(build_quadrotor),
+    "rigid-body": _Kind(build_rigid_body),
 }
 
 

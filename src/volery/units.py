@@ -40,6 +40,8 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "rad/s": {"rad/s": Fraction(1), "mrad/s": Fraction(1, 1000), "deg/s": _DEGREE},
     "rad/s/√s": {"rad/s/√s": Fraction(1), "deg/s/√s": _DEGREE, "rad/s/sqrt(s)": Fraction(1)},
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
+    "kg m²": {"g m²": Fraction(1, 1000), "kg m²": Fraction(1), "kg m2": Fraction(1)},
+    "N m": {"mN m": Fraction(1, 1000), "N m": Fraction(1)},
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
     "dB": {"dB": Fraction(1)},
     "dBm": {"dBm": Fraction(1)},

@@ -69,10 +69,14 @@ def test_every_topology_and_world_is_explained() -> None:
         worlds.build({"kind": "quadrotor", "qqqq": 1}, {}, 0)
     with pytest.raises(BadInput) as carried:
         worlds.build({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, {}, 0, ["a"])
-    asked = (topology, world, moving, quadrotor, carried)
-    kinds, keys, motions, flights, sensors = (known(str(refused.value)) for refused in asked)
-    assert (len(kinds), len(keys), len(motions), len(flights), len(sensors)) == (14, 7, 5, 12, 9)
-    assert {*kinds, *keys, *motions, *flights, *sensors} - IN_CODE == set()
+    with pytest.raises(BadInput) as body:
+        worlds.build({"kind": "rigid-body", "qqqq": 1}, {}, 0)
+    with pytest.raises(BadInput) as unit:
+        worlds.build({"kind": "rigid-body", "units": {"a": {"qqqq": 1}}}, {}, 0, ["a"])
+    asked = (topology, world, moving, quadrotor, carried, body, unit)
+    lists = [known(str(refused.value)) for refused in asked]
+    assert [len(names) for names in lists] == [14, 7, 5, 12, 9, 7, 3]
+    assert {name for names in lists for name in names} - IN_CODE == set()
 
 
 @pytest.mark.parametrize("fragment", [{}, *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))
