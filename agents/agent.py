@@ -297,6 +297,21 @@ class Agent:
         return ()
 
     @classmethod
+    def difference(
+        cls, quantity: str, estimate: NDArray[np.float64], reference: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """By how much values of a quantity are off: (…, k) and (…, k) to (…, m), whose two-norm is the error.
+
+        Vectors are subtracted. Override it for what is not one, such as attitudes; NaN stays NaN.
+        """
+        return np.asarray(estimate - reference)
+
+    @classmethod
+    def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """As `labels`, of each component of a difference."""
+        return cls.labels(quantity)
+
+    @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """What makes this plan impossible for such agents, each a sentence with the remedy."""
         return ()

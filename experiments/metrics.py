@@ -10,7 +10,7 @@ import json
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..agents.agent import Finding
+from ..agents.agent import Agent, Finding
 from ..agents.registry import find
 from ..estimators import metrics as measures
 from ..topologies import natural_key
@@ -251,21 +251,25 @@ def _error_metrics(course: Course, steady: NDArray[np.bool_], threshold: float |
 
 def component_labels(record: Record, quantity: str, count: int) -> list[tuple[str, str, float]]:
     """Name, unit and factor to that unit of each component, numbered where the agents do not name them."""
-    reporter = next(iter(record.estimates(quantity)))
-    labels = find(record.plan.agent(reporter).kind).labels(quantity)
+    return _named(_kind(record, quantity).labels(quantity), quantity, count)
+
+
+def _kind(record: Record, quantity: str) -> type[Agent]:
+    """The kind of those who report a quantity."""
+    return find(record.plan.agent(next(iter(record.estimates(quantity)))).kind)
+
+
+def _named(labels: Sequence[tuple[str, str, float]], quantity: str, count: int) -> list[tuple[str, str, float]]:
     return list(labels) or [(f"{quantity} [{number}]" if count > 1 else quantity, "", 1.0) for number in range(count)]
 
 
 def _components(
     record: Record, quantity: str, seen: Samples, steady: NDArray[np.bool_]
 ) -> tuple[ComponentMetrics, ...]:
-    def rms(reference: Floats, component: int, factor: float) -> float:
-        difference = seen.estimate[steady, :, component] - reference[steady, :, component]
-        return float(_rms(difference)) * factor
-
-    labels = component_labels(record, quantity, seen.estimate.shape[2])
+    to_oracle, to_truth = (seen.apart(seen.estimate, reference)[steady] for reference in (seen.oracle, seen.truth))
+    labels = _named(_kind(record, quantity).difference_labels(quantity), quantity, to_truth.shape[2])
     return tuple(
-        ComponentMetrics(name, unit, rms(seen.oracle, number, factor), rms(seen.truth, number, factor))
+        ComponentMetrics(name, unit, *(float(_rms(apart[:, :, number])) * factor for apart in (to_oracle, to_truth)))
         for number, (name, unit, factor) in enumerate(labels)
     )
 

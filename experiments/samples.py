@@ -7,9 +7,9 @@ compared instant by instant: at each instant at which anybody reported, everybod
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ class Samples:
     """T samples of N agents with k components each; NaN where an agent has no estimate or a reference is not known.
 
     time_ns (T,) int64; index (T,) int64; estimate, oracle, truth (T, N, k) in the agents' units, each entry of oracle
-    and truth belonging to the report beside it.
+    and truth belonging to the report beside it. `apart`: by how much values are off, (…, k) and (…, k) to (…, m).
     """
 
     quantity: str
@@ -40,21 +40,24 @@ class Samples:
     estimate: Floats
     oracle: Floats
     truth: Floats
+    apart: Callable[[Floats, Floats], Floats]
 
     @cached_property
     def disagreement(self) -> Floats:
-        """Root mean square distance of the agents to their mean, (T,)."""
-        return disagreement(self.estimate)
+        """Root mean square distance of the agents to their mean, as seen from the first that has an estimate, (T,)."""
+        first = np.argmin(np.isnan(self.estimate).any(axis=2), axis=1)
+        reference = np.take_along_axis(self.estimate, first[:, np.newaxis, np.newaxis], axis=1)
+        return disagreement(self.apart(self.estimate, np.broadcast_to(reference, self.estimate.shape)))
 
     @cached_property
     def oracle_error(self) -> Floats:
         """Two-norm of each agent's difference to the oracle, (T, N)."""
-        return error(self.estimate, self.oracle)
+        return error(self.apart(self.estimate, self.oracle), 0.0)
 
     @cached_property
     def truth_error(self) -> Floats:
         """Two-norm of each agent's difference to the truth, (T, N)."""
-        return error(self.estimate, self.truth)
+        return error(self.apart(self.estimate, self.truth), 0.0)
 
 
 def samples(record: Record, quantity: str) -> Samples:
@@ -69,15 +72,16 @@ def samples(record: Record, quantity: str) -> Samples:
         time_ns, index, rows = _by_sample(series)
     else:
         time_ns, index, rows = _by_instant(series, record.faults)
-    columns = [
+    estimate, oracle, truth = (
         np.stack([_take(of[agent], rows[agent]) for agent in series], axis=1)
         for of in (
             {agent: mine.value for agent, mine in series.items()},
             {agent: oracle for agent, (oracle, _) in beside.items()},
             {agent: truth for agent, (_, truth) in beside.items()},
         )
-    ]
-    return Samples(quantity, tuple(series), time_ns, index, *columns)
+    )
+    apart = partial(find(record.plan.agent(next(iter(series))).kind).difference, quantity)
+    return Samples(quantity, tuple(series), time_ns, index, estimate, oracle, truth, apart)
 
 
 def _numbered(indices: list[Whole]) -> bool:

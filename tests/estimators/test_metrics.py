@@ -9,6 +9,7 @@ from scipy import stats
 from volery.errors import BadInput
 from volery.estimators import metrics
 from volery.randomness import stream
+from volery.rotations import angle_between, exp_quaternion, quaternion_product
 from volery.topologies import agents, contraction, metropolis, random_hexagonal, weight_matrix
 
 SECOND = 1_000_000_000
@@ -18,6 +19,25 @@ def test_error_is_the_norm_of_the_difference_and_nan_without_an_estimate() -> No
     """Over the last axis, broadcast against one reference."""
     found = metrics.error([[[3.0, 4.0], [np.nan, 0.0]]], [0.0, 0.0])
     np.testing.assert_array_equal(found, [[5.0, np.nan]])
+
+
+@given(
+    st.lists(st.floats(-4.0, 4.0), min_size=6, max_size=6), st.sampled_from([-1.0, 1.0]), st.sampled_from([-1.0, 1.0])
+)
+def test_attitudes_differ_by_the_turn_between_them(turns: list[float], first: float, second: float) -> None:
+    """About inertial axes, by the angle between the two, whatever the signs; turning on leads there."""
+    q, p = exp_quaternion(np.array(turns[:3])), exp_quaternion(np.array(turns[3:]))
+    found = metrics.attitude_difference([[first * p, np.full(4, np.nan)]], second * q)
+    assert found.shape == (1, 2, 3)
+    assert np.isnan(found[0, 1]).all()
+    assert np.linalg.norm(found[0, 0]) == pytest.approx(angle_between(p, q), abs=1e-12)
+    assert angle_between(quaternion_product(exp_quaternion(found[0, 0]), q), p) < 1e-7
+
+
+def test_an_attitude_does_not_differ_from_itself_or_its_opposite() -> None:
+    """The difference is zero, and not NaN."""
+    q = exp_quaternion(np.array([0.3, -0.2, 1.0]))
+    np.testing.assert_array_equal(metrics.attitude_difference([q, -q], q), np.zeros((2, 3)))
 
 
 def test_disagreement_is_the_root_mean_square_distance_from_the_mean() -> None:
