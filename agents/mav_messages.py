@@ -191,23 +191,21 @@ def _given(array: NDArray[np.float64] | None, what: str) -> NDArray[np.float64]:
 
 
 def _told(layout: Layout, values: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The numbers of a covariance, enlarged by a unit in the last place of all that is rounded."""
-    rounding = float(np.finfo(_TYPES[layout.precision]).eps)
+    """The numbers of a covariance, enlarged by what rounding takes from them and from the values."""
+    kind = _TYPES[layout.precision]
+    unit, count = float(np.finfo(kind).eps), len(values)
     if layout.covariance == "whole":
-        deviations = np.sqrt(covariance.diagonal())
-        numbers = covariance / np.outer(deviations, deviations)
-        # k correlations in a row, each off by half a unit, are worth k/2 units of the diagonal; the deviation is
-        # rounded too.
-        np.fill_diagonal(numbers, deviations * (1.0 + (len(values) + 2) / 4 * rounding) + rounding * np.abs(values))
-        lower: NDArray[np.float64] = numbers[np.tril_indices(len(numbers))]
-        return lower
+        # Correlations are off by half a unit, k of them in a row by k/2, and so much more is said of the diagonal.
+        variances = covariance.diagonal() * (1.0 + count * unit) + count * (unit / 2 * values) ** 2
+        deviations = (np.sqrt(variances) * (1.0 + unit)).astype(kind).astype(np.float64)
+        lower = covariance / np.outer(deviations, deviations)
+        np.fill_diagonal(lower, deviations)
+        return lower[np.tril_indices(count)]
     # One bound for each relative position and velocity; of m parts together, P ≤ m · blockdiag(P_1, …, P_m).
-    count = len(values) // 6
-    parts = [slice(6 * at, 6 * at + 6) for at in range(count)]
-    bounds = np.array([bound_of(covariance[part, part]) for part in parts]) * np.sqrt(count)
-    bounds += rounding * np.linalg.norm(values.reshape(count, 2, 3), axis=2)
-    enlarged: NDArray[np.float64] = bounds * (1.0 + rounding)
-    return enlarged.ravel()
+    parts = [slice(at, at + 6) for at in range(0, count, 6)]
+    bounds = np.array([bound_of(covariance[part, part]) for part in parts])
+    bounds += unit * np.linalg.norm(values.reshape(-1, 2, 3), axis=2)
+    return np.ravel(bounds * np.sqrt(len(parts)) * (1.0 + unit))
 
 
 def _covariance(layout: Layout, numbers: NDArray[np.float64], sender: int) -> NDArray[np.float64] | None:

@@ -134,10 +134,9 @@ class FormationModel:
     def noise_root(self, duration_s: float) -> NDArray[np.float64]:
         """G with G Gᵀ = Q: what each vehicle's own two noises do to the state, shape (6(N−1), 6N) [m, m/s]."""
         position, cross, velocity = self.noise_of(duration_s)
-        own: list[list[float]] = [
-            [cross / velocity**0.5, max(position - cross**2 / velocity, 0.0) ** 0.5],
-            [velocity**0.5, 0.0],
-        ]
+        deviation = velocity**0.5
+        shared = cross / deviation if duration_s else 0.0
+        own: list[list[float]] = [[shared, max(position - shared**2, 0.0) ** 0.5], [deviation, 0.0]]
         root: NDArray[Any] = np.kron(np.kron(_incidence(self.vehicles), np.array(own)), np.eye(3))
         return root
 
