@@ -1,12 +1,12 @@
 """Estimators and consensus laws: pure functions and small state machines over numpy.
 
 `plane` holds the linear map and the exact inverse of the flying array's kinematics, `least_squares` the centralised and
-the neighbourhood estimate, `consensus` information pairs and their Metropolis round, `averaging`, `running_sum` and
-`flow_updating` the laws of average consensus that `laws` puts behind one interface, and `metrics` what is measured of a
-run, as `metrics.error` and so on. `inertial_frame` is the attitude filter of one vehicle, `so3_consensus` the law by
-which several agree on one frame, and `FrameConsensus` both as one agent needs them. `attitude` is about directions
-seen from a body, `dynamic_consensus` about averages of attitudes that follow what agents estimate, `trust` about
-sensors whose readings stop being near what is predicted of them.
+the neighbourhood estimate, `information` information pairs, `consensus` their Metropolis round, `averaging`,
+`running_sum`, `flow_updating` and `push_sum` the laws of average consensus that `laws` puts behind one interface, and
+`metrics` what is measured of a run, as `metrics.error` and so on. `inertial_frame` filters the attitude of one vehicle,
+`so3_consensus` the law by which several agree on one frame, and `FrameConsensus` both as one agent needs them.
+`attitude` is about directions seen from a body, `dynamic_consensus` about averages of attitudes that follow what agents
+estimate, `trust` about sensors whose readings stop being near what is predicted of them.
 
 The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
 `formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
@@ -14,7 +14,10 @@ The formation of MAVs is imported by module, as it needs more of scipy than othe
 `formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So is moving
 horizon estimation: `error_state` says what a model with an error state is, `quadrotor_model` and `attitude_model` are
 such models, `moving_horizon` smooths `windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is
-the filter beside it.
+the filter beside it. So are distributed Kalman filters: `filters` has them by name, `filtering` says what one is,
+`gaussian` has beliefs about a state that moves, and `average_consensus` the ways to average beneath them, `chebyshev`
+and `gossip` among these. The filters are in `kalman_consensus`, `diffusion`, `consensus_filters`,
+`covariance_intersection` and `event_triggered`.
 """
 
 from . import inertial_frame, metrics, so3_consensus
@@ -31,12 +34,9 @@ from .averaging import (
 )
 from .consensus import (
     PACKED_SIZE,
-    InformationPair,
     estimate,
     initial_pair,
     metropolis_round,
-    pack_pair,
-    unpack_pair,
 )
 from .dynamic_consensus import ToldAttitude, collective_matrices, consensus_rate, consensus_step, largest_step
 from .flow_updating import (
@@ -50,6 +50,7 @@ from .flow_updating import (
 )
 from .frame_consensus import FrameConsensus
 from .inertial_frame import ImuModel, imu_model
+from .information import InformationPair, pack_pair, unpack_pair
 from .laws import LAWS, ConsensusLaw
 from .least_squares import (
     WELL_CONDITIONED,

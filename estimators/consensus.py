@@ -6,35 +6,16 @@ Letters: c = (1, r_Y, −r_X) row of a module, m distance [m], P = cᵀc and q =
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .averaging import weighted_average
-from .checks import as_array
+from .information import InformationPair, pack_pair, packed_size, unpack_pair
 from .least_squares import WELL_CONDITIONED, well_conditioned
 from .plane import design_row
 
-PACKED_SIZE = 9
-_UPPER = np.triu_indices(3)
-
-
-@dataclass(frozen=True, eq=False)
-class InformationPair:
-    """Information matrix P, shape (3, 3) [1, m, m²], and vector q, shape (3,) [m, m²].
-
-    Raises:
-        BadInput: wrong shape or not finite.
-    """
-
-    P: NDArray[np.float64]
-    q: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        """Check shapes and make both float64."""
-        object.__setattr__(self, "P", as_array(self.P, (3, 3), "P"))
-        object.__setattr__(self, "q", as_array(self.q, (3,), "q"))
+PACKED_SIZE = packed_size(3)
 
 
 def initial_pair(position: ArrayLike, distance: float) -> InformationPair:
@@ -66,24 +47,6 @@ def estimate(pair: InformationPair, tolerance: float = WELL_CONDITIONED) -> NDAr
     if not well_conditioned(pair.P, tolerance):
         return None
     return np.asarray(np.linalg.solve(pair.P, pair.q), dtype=np.float64)
-
-
-def pack_pair(pair: InformationPair) -> NDArray[np.float64]:
-    """The pair as 9 numbers: the upper triangle of P by rows, then q."""
-    return np.concatenate([pair.P[_UPPER], pair.q])
-
-
-def unpack_pair(vector: ArrayLike) -> InformationPair:
-    """The pair that `pack_pair` packed, shape (9,); P comes out exactly symmetric.
-
-    Raises:
-        BadInput: wrong shape or not finite.
-    """
-    packed = as_array(vector, (PACKED_SIZE,), "packed information pair")
-    matrix = np.empty((3, 3))
-    matrix[_UPPER] = packed[:6]
-    matrix.T[_UPPER] = packed[:6]
-    return InformationPair(matrix, packed[6:])
 
 
 def metropolis_round(

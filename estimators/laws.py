@@ -30,6 +30,14 @@ from .flow_updating import (
     flow_updating_update,
     flow_updating_value,
 )
+from .push_sum import (
+    push_sum_message,
+    push_sum_receive,
+    push_sum_round,
+    push_sum_start,
+    push_sum_update,
+    push_sum_value,
+)
 from .running_sum import (
     running_sum_message,
     running_sum_receive,
@@ -47,15 +55,18 @@ class ConsensusLaw(Generic[State]):
     """The functions of one law; `start` takes the own value, shape (n,), and neighbour → w_ij.
 
     `message_size` maps n to the length of a message; laws that split evenly read the names of the neighbours only.
+    A message is None where this round has none for that neighbour. `plain`: a message is a value like those that are
+    averaged and belongs to no sequence, so that a late one can be brought up to date and used.
     """
 
     start: Callable[[ArrayLike, Mapping[str, float]], State]
-    message: Callable[[State, str], NDArray[np.float64]]
+    message: Callable[[State, str], NDArray[np.float64] | None]
     receive: Callable[[State, str, ArrayLike], State]
     round: Callable[[State], State]
     value: Callable[[State], NDArray[np.float64]]
     update: Callable[[State, ArrayLike], State]
     message_size: Callable[[int], int]
+    plain: bool = False
 
 
 LAWS: Mapping[str, ConsensusLaw[Any]] = MappingProxyType(
@@ -68,6 +79,16 @@ LAWS: Mapping[str, ConsensusLaw[Any]] = MappingProxyType(
             averaging_value,
             averaging_update,
             lambda size: size,
+            plain=True,
+        ),
+        "push-sum": ConsensusLaw(
+            push_sum_start,
+            push_sum_message,
+            push_sum_receive,
+            push_sum_round,
+            push_sum_value,
+            push_sum_update,
+            lambda size: size + 1,
         ),
         "running-sum": ConsensusLaw(
             running_sum_start,

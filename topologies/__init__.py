@@ -9,6 +9,7 @@ Beside them stand what follows from a graph: consensus weights, spectra and dist
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
 from .building import build
 from .colouring import edge_colouring, node_colouring
+from .fastest_mixing import fastest_mixing
 from .files import read
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
@@ -50,6 +51,7 @@ __all__ = [
     "edges",
     "edges_at",
     "erdos_renyi",
+    "fastest_mixing",
     "four_module_array",
     "from_edges",
     "geometric",
