@@ -11,6 +11,7 @@ from .building import build
 from .colouring import edge_colouring, node_colouring
 from .fastest_mixing import fastest_mixing
 from .files import read
+from .formations import formation, formation_state
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
 from .over_time import build_over_time
@@ -52,6 +53,8 @@ __all__ = [
     "edges_at",
     "erdos_renyi",
     "fastest_mixing",
+    "formation",
+    "formation_state",
     "four_module_array",
     "from_edges",
     "geometric",

@@ -3,7 +3,8 @@
 `plane` is a rigid body over flat ground with its nonlinear distances, `signals` the motions it can make, `sensors` what
 measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, `quadrotor` a
 vehicle in controlled flight, `quadrotor_sensors` what it carries, `rigid_body` a body that turns, `measurement_units`
-the accelerometers and magnetometers on it, and `scenario` builds a world of any kind from a scenario's mapping.
+the accelerometers and magnetometers on it, `formation` vehicles that agents steer, made of `vehicles`, `air`, `camera`
+and `imu`, and `scenario` builds a world of any kind from a scenario's mapping.
 """
 
 from .calibration import Calibration, calibrate

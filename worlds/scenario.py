@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..topologies import Position
+from .formation_scenario import build_formation
 from .moving_scenario import build_moving
 from .plane_scenario import build_plane
 from .quadrotor_scenario import build_quadrotor
@@ -29,6 +30,7 @@ _KINDS: Mapping[str, _Kind] = {
     MOVING: _Kind(build_moving),
     "quadrotor": _Kind(build_quadrotor),
     "rigid-body": _Kind(build_rigid_body),
+    "formation": _Kind(build_formation),
 }
 
 
