@@ -41,7 +41,6 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "rad/s/√s": {"rad/s/√s": Fraction(1), "deg/s/√s": _DEGREE, "rad/s/sqrt(s)": Fraction(1)},
     "/s": {"/s": Fraction(1)},
     "kg": {"g": Fraction(1, 1000), "kg": Fraction(1)},
-    "kg m²": {"kg m²": Fraction(1), "kg m2": Fraction(1)},
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
     "kg m²": {"g m²": Fraction(1, 1000), "kg m²": Fraction(1), "kg m2": Fraction(1)},
     "N m": {"mN m": Fraction(1, 1000), "N m": Fraction(1)},
