@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
@@ -198,6 +198,19 @@ class Finding:
     text: str = ""
 
 
+@dataclass(frozen=True)
+class View:
+    """Where an agent believes that agents are, for pictures in plan view.
+
+    `places`: name → place, shape (2,) or more [m], of which the first two components are drawn. `covariances`: name →
+    covariance of these two, shape (2, 2) [m²], where it is known. `relative`: all of them may be shifted alike.
+    """
+
+    places: Mapping[str, NDArray[np.float64]]
+    covariances: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    relative: bool = False
+
+
 class Agent:
     """Base of all agents. Override the handlers that you need.
 
@@ -284,6 +297,11 @@ class Agent:
     @classmethod
     def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
         """The true value of a reported quantity; None where it is not known."""
+        return None
+
+    @classmethod
+    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
+        """Where an agent believes that agents are, by its latest reports, quantity → value; None if it does not say."""
         return None
 
     @classmethod

@@ -67,7 +67,8 @@ def plot_run(
 ) -> None:
     """Draw the figures of a run and print their paths.
 
-    With --space-time the diagram of a window instead: who sent what to whom, and where it went.
+    With --space-time the diagram of a window instead: who sent what to whom, and where it went. With --animate a film
+    in plan view: where everybody is and is believed to be, and which links carry frames.
     """
     folder = finished_run(run, runs)
     paths = diagram.draw(folder, out, format_)

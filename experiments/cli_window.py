@@ -32,7 +32,8 @@ class SpanOptions:
         Raises:
             BadInput: not an instant, after the end of the run, or the two in the wrong order.
         """
-        from_ns, until_ns = _instant("--from", self.from_), _instant("--until", self.until)
+        from_ns = None if self.from_ is None else instant("--from", self.from_)
+        until_ns = None if self.until is None else instant("--until", self.until)
         if from_ns is not None and from_ns >= record.last_ns:
             raise BadInput(f"--from {self.from_}: the run ends at {quantity(record.last_ns, 'ns')}")
         if until_ns is not None and until_ns <= (from_ns or 0):
@@ -43,9 +44,12 @@ class SpanOptions:
 WHOLE = SpanOptions()
 
 
-def _instant(option: str, text: str | None) -> int | None:
-    if text is None:
-        return None
+def instant(option: str, text: str) -> int:
+    """An instant of the run in nanoseconds, from the text of an option.
+
+    Raises:
+        BadInput: not a time with a unit; the message has the option.
+    """
     try:
         return int(parse(text, "ns"))
     except BadInput as error:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.GifImagePlugin import GifImageFile
 
 from .conftest import Volery
 
@@ -94,6 +96,21 @@ def test_plot_of_what_there_is_not(volery: Volery, own_run: Path, words: list[st
     assert message in said.error
 
 
+def test_film_and_stills(volery: Volery, own_run: Path) -> None:
+    """A film of the run says how far it is at each tenth, and ends with its path; stills are pictures of instants."""
+    assert own_run.is_dir()
+    said = volery("plot", "last", "--animate", "--format", "gif", "--out", "here")
+    *lines, path = said.out.splitlines()
+    assert lines == [f"film: {done} of 11 pictures" for done in range(2, 12)]
+    assert path == "here/animation.gif"
+    with Image.open(path) as film:
+        assert isinstance(film, GifImageFile)
+        assert film.n_frames > 1
+    said = volery("plot", "last", "--still", "0.4 s", "--still", "0.6s", "--format", "png", "--out", "here")
+    assert said.out.split() == ["here/still-0.4s.png", "here/still-0.6s.png"]
+    assert Path("here/still-0.4s.png").read_bytes() != Path("here/still-0.6s.png").read_bytes()
+
+
 def test_space_time_diagram(volery: Volery, own_run: Path) -> None:
     """Alone, or with the figures that are named; of a window and some agents if these are given."""
     assert own_run.is_dir()
@@ -107,14 +124,22 @@ def test_space_time_diagram(volery: Volery, own_run: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--from", "0.2 s"], "--from, --until and --agents are of the space-time diagram: add --space-time"),
+        (["--from", "0.2 s"], "--from and --until are of the diagram and of the film: add --space-time or --animate"),
+        (["--agents", "1"], "--agents is of the space-time diagram: add --space-time"),
+        (["--speed", "2"], "--fps and --speed are of the film: add --animate"),
+        (["--animate", "--fps", "0"], "pictures per second is 0: must be above 0"),
+        (["--animate", "--fps", "9000"], "9,001 pictures, more than 3,000: film a part with --from and --until"),
+        (["--animate", "--format", "gif", "--format", "mp4"], "a film is made in one of them at a time"),
+        (["--animate", "--still", "0 s", "--format", "gif"], "--format gif is for the film alone"),
+        (["--still", "2 s"], "a still at 2 s: the run ends at 1 s"),
+        (["--still", "soon"], "--still: 'soon' is not a quantity"),
         (["--space-time", "--agents", "1,7"], "--agents 7: there is none"),
         (["--space-time", "--until", "0 s"], "--until 0 s is not after --from 0 s"),
         (["--space-time", "--format", "docx"], "figure format 'docx' is not known"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_space_time_diagram_of_what_there_is_not(volery: Volery, own_run: Path, words: list[str], message: str) -> None:
+def test_diagrams_and_films_of_what_there_is_not(volery: Volery, own_run: Path, words: list[str], message: str) -> None:
     """Exit code 2, the value and the remedy."""
     assert own_run.is_dir()
     said = volery("plot", "last", *words)

@@ -1,0 +1,198 @@
+"""A run in plan view: at each instant who is where, who believes whom to be where, and which links carry frames."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..agents.agent import View
+from ..agents.plan import Moving
+from ..agents.registry import find
+from ..errors import BadInput
+from ..topologies import natural_key
+from ..transport.faults import LinkName
+from ..transport.links import DELIVERED, NANOSECONDS
+from .channels import LinkCourse
+from .fault_labels import fault_label
+from .record import Life, Record, Series
+from .stories import IN_FLIGHT, Story, stories
+
+Floats = NDArray[np.float64]
+
+POSITIONS = "positions"
+"""What a coupled world calls its truth of where all agents are: a row each, in natural order."""
+_LEAST_LATELY_NS = NANOSECONDS // 2
+_FRAMES_LATELY = 3
+
+
+class Carries(Enum):
+    """What a link did with the frames of late."""
+
+    THROUGH = "frames get through"
+    LOST = "cut, or all frames lost"
+    QUIET = "no frames"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One instant: `true` name → place (2,) [m]; `views` who believes → what; `links`, `down` and `faults` in force."""
+
+    time_ns: int
+    true: Mapping[str, Floats]
+    views: Mapping[str, View]
+    links: Mapping[LinkName, Carries]
+    down: frozenset[str]
+    faults: tuple[str, ...]
+
+
+class PlanView:
+    """A record, to be looked at from above at any instant.
+
+    Raises:
+        BadInput: its agents have no places.
+    """
+
+    def __init__(self, record: Record) -> None:
+        self._record, self._plan = record, record.as_run
+        self.last_ns = record.last_ns
+        self.agents = tuple(sorted((agent.name for agent in self._plan.agents), key=natural_key))
+        self._place = self._places()
+        reports = {quantity: record.estimates(quantity) for quantity in record.quantities()}
+        self._reports = {
+            agent: {quantity: mine[agent] for quantity, mine in reports.items() if agent in mine}
+            for agent in self.agents
+        }
+        self._deaths = dict(_deaths(record))
+        told = {link: sorted(_outcomes(mine)) for link, mine in stories(record).items() if link in self._plan.links}
+        self.lately_ns = _lately(told.values())
+        self._links = {link: _LinkHistory(LinkCourse(record, link), outcomes) for link, outcomes in told.items()}
+
+    # -- where they are -------------------------------------------------------------------------------------------
+
+    def _places(self) -> Callable[[int], Mapping[str, Floats]]:
+        """Of all agents at an instant: as a world wrote down, as one tells that moves them, or as the topology has."""
+        written, world = self._record.beside.get(POSITIONS), self._plan.world
+        if written is not None:
+            return lambda time_ns: _interpolated(written, self.agents, time_ns)
+        if isinstance(world, Moving):
+            return lambda time_ns: {agent: world.position(agent, time_ns)[:2] for agent in self.agents}
+        fixed = {agent.name: np.array(agent.position[:2]) for agent in self._plan.agents if agent.position is not None}
+        if len(fixed) < len(self.agents):
+            raise BadInput(
+                "the agents of this run have no places, so there is no plan view of it: "
+                "take a topology with positions, or a world in which agents move"
+            )
+        return lambda _: fixed
+
+    def extent(self, from_ns: int, until_ns: int, count: int = 200) -> tuple[Floats, Floats]:
+        """The lowest and the highest (x, y) [m] at which anybody is in a span, looked at so many times."""
+        times = np.linspace(from_ns, until_ns, count).astype(np.int64).tolist()
+        everywhere = np.array([list(self._place(time_ns).values()) for time_ns in times])
+        return everywhere.min(axis=(0, 1)), everywhere.max(axis=(0, 1))
+
+    def path(self, from_ns: int, until_ns: int, count: int = 20) -> Floats:
+        """Where all agents were in a span, (count, N, 2) [m], in natural order."""
+        times = np.linspace(max(0, from_ns), until_ns, count).astype(np.int64).tolist()
+        return np.array([[places[agent] for agent in self.agents] for places in map(self._place, times)])
+
+    # -- what they believe ----------------------------------------------------------------------------------------
+
+    def _view(self, agent: str, true: Mapping[str, Floats], time_ns: int) -> View | None:
+        """What an agent believes, shifted to fit what is true where it may be shifted."""
+        latest = {}
+        for quantity, series in self._reports[agent].items():
+            row = int(np.searchsorted(series.time_ns, time_ns, side="right")) - 1
+            if row >= 0:
+                latest[quantity] = series.value[row]
+        view = find(self._plan.agent(agent).kind).view(self._plan, latest) if latest else None
+        if view is None or not view.relative:
+            return view
+        known = [name for name in view.places if name in true]
+        shift = np.mean([true[name] - view.places[name][:2] for name in known], axis=0) if known else np.zeros(2)
+        return View({name: place[:2] + shift for name, place in view.places.items()}, view.covariances)
+
+    # -- all of it ------------------------------------------------------------------------------------------------
+
+    def picture(self, time_ns: int) -> Picture:
+        """What is to be seen at an instant [ns]."""
+        true, down = self._place(time_ns), frozenset(self._down(time_ns))
+        views = {agent: self._view(agent, true, time_ns) for agent in self.agents if agent not in down}
+        return Picture(
+            time_ns,
+            true,
+            {agent: view for agent, view in views.items() if view is not None},
+            {
+                link: history.carries(time_ns, self.lately_ns)
+                for link, history in self._links.items()
+                if self._plan.is_present(link, time_ns)
+            },
+            down,
+            tuple(
+                fault_label(fault, len(self._plan.links))
+                for fault in self._record.faults_that_held
+                if fault.at_ns <= time_ns and (fault.until_ns is None or time_ns < fault.until_ns)
+            ),
+        )
+
+    def _down(self, time_ns: int) -> Iterator[str]:
+        """Who is dead at an instant."""
+        for (agent, life), at_ns in self._deaths.items():
+            back_ns = self._record.restart_ns(agent, life)
+            if at_ns <= time_ns and (back_ns is None or time_ns < back_ns):
+                yield agent
+
+
+class _LinkHistory:
+    """What became of the frames of one link, by the instants at which it was settled."""
+
+    def __init__(self, course: LinkCourse, outcomes: Sequence[tuple[int, bool]]) -> None:
+        self._course = course
+        self._times = [time_ns for time_ns, _ in outcomes]
+        self._through = np.cumsum([0, *(through for _, through in outcomes)]).tolist()
+
+    def carries(self, time_ns: int, lately_ns: int) -> Carries:
+        """Whether frames came through within `lately_ns` before an instant."""
+        first, after = bisect_right(self._times, time_ns - lately_ns), bisect_right(self._times, time_ns)
+        if self._course.at(time_ns).cut:
+            return Carries.LOST
+        if self._through[after] > self._through[first]:
+            return Carries.THROUGH
+        return Carries.LOST if after > first else Carries.QUIET
+
+
+def _deaths(record: Record) -> Iterator[tuple[Life, int]]:
+    """When each life that was ended ended [ns], from outside or by a fault."""
+    for agent in record.plan.agents:
+        yield from (((agent.name, life), kill.at_ns) for life, kill in enumerate(record.as_run.kills(agent.name)))
+    for event in record.events:
+        if event["event"] == "died":
+            yield (event["agent"], event["incarnation"]), event["time_ns"]
+
+
+def _outcomes(frames: Iterable[Story]) -> Iterator[tuple[int, bool]]:
+    """When the fate of each frame was settled [ns], and whether it came through."""
+    for frame in frames:
+        settled_ns = next((each for each in (frame.due_ns, frame.dropped_ns) if each is not None), None)
+        if settled_ns is not None and frame.fate != IN_FLIGHT:
+            yield settled_ns, frame.fate == DELIVERED
+
+
+def _lately(told: Iterable[Sequence[tuple[int, bool]]]) -> int:
+    """How far back `of late` reaches [ns]: some frames of a typical link, and long enough to be seen."""
+    gaps = [np.diff([time_ns for time_ns, _ in outcomes]) for outcomes in told if len(outcomes) > 1]
+    typical_ns = float(np.median(np.concatenate(gaps))) if gaps else 0.0
+    return max(_LEAST_LATELY_NS, int(_FRAMES_LATELY * typical_ns))
+
+
+def _interpolated(written: Series, agents: Sequence[str], time_ns: int) -> Mapping[str, Floats]:
+    """Places between those that a world wrote down."""
+    after = int(np.clip(np.searchsorted(written.time_ns, time_ns), 1, max(1, len(written.time_ns) - 1)))
+    rows = written.value[[after - 1, min(after, len(written.value) - 1)]].reshape(2, len(agents), -1)[:, :, :2]
+    begin_ns, end_ns = written.time_ns[after - 1], written.time_ns[min(after, len(written.time_ns) - 1)]
+    share = float(np.clip((time_ns - begin_ns) / max(1, end_ns - begin_ns), 0.0, 1.0))
+    return dict(zip(agents, rows[0] + share * (rows[1] - rows[0]), strict=True))
