@@ -14,6 +14,7 @@ ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
+    "mhe": "volery.agents.mhe:Mhe",
     "sensor-node": "volery.agents.sensor_node:SensorNode",
 }
 _BESIDE = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}

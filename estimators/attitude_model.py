@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..rotations import (
-    exp_so3,
-    integrate,
-    right_jacobian,
-    skew,
-    to_matrix,
-    unit,
+from ..rotation_stacks import (
+    conjugates,
+    exp_quaternions,
+    normalised_rows,
+    quaternion_products,
+    right_jacobians,
+    skews,
+    to_matrices,
 )
+from ..rotations import unit
 from .error_state import Noise, differences, retracted
 from .quadrotor_model import GRAVITY, Deviations
 
@@ -98,14 +100,13 @@ class AttitudeModel:
         """The next states, A and B; see `error_state.Model`."""
         T, n, N = self.step_s, len(states), self.size
         rates = inputs - disturbances[:, _RATES] - (states[:, 4:] if self.gyroscope_bias else 0.0)
-        following = states.copy()
-        following[:, 4:] += disturbances[:, 3:]
+        full = exp_quaternions(T * rates)
+        turned = normalised_rows(quaternion_products(states[:, _Q], full))
+        following = np.concatenate([turned, states[:, 4:] + disturbances[:, 3:]], axis=1)
         A, B = np.zeros((n, N, N)), np.zeros((n, N, N))
         A[:, 3:, 3:] = B[:, 3:, 3:] = np.eye(N - 3)
-        for k, (q, rate) in enumerate(zip(states[:, _Q], rates, strict=True)):
-            following[k, _Q] = integrate(q, rate, T)
-            A[k, _THETA, _THETA] = exp_so3(-T * rate)
-            B[k, _THETA, _THETA] = -T * right_jacobian(T * rate)
+        A[:, _THETA, _THETA] = to_matrices(conjugates(full))
+        B[:, _THETA, _THETA] = -T * right_jacobians(T * rates)
         if self.gyroscope_bias:
             A[:, _THETA, 3:] = B[:, _THETA, _THETA]
         return following, A, B
@@ -113,12 +114,10 @@ class AttitudeModel:
     def outputs(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """Magnetometer and accelerometer, and C; see `error_state.Model`."""
         expected, C = np.empty((len(states), 6)), np.zeros((len(states), 6, self.size))
-        M, gravity = np.array(self.field), GRAVITY if self.printed_accelerometer else -GRAVITY
-        for k, q in enumerate(states[:, _Q]):
-            R = to_matrix(q)
-            magnetic, felt = R.T @ M, R.T @ gravity
-            expected[k, MAGNETOMETER], C[k, MAGNETOMETER, _THETA] = magnetic, skew(magnetic)
-            expected[k, ACCELEROMETER], C[k, ACCELEROMETER, _THETA] = felt, skew(felt)
+        R = to_matrices(states[:, _Q])
+        magnetic, felt = np.array(self.field) @ R, (GRAVITY if self.printed_accelerometer else -GRAVITY) @ R
+        expected[:, MAGNETOMETER], C[:, MAGNETOMETER, _THETA] = magnetic, skews(magnetic)
+        expected[:, ACCELEROMETER], C[:, ACCELEROMETER, _THETA] = felt, skews(felt)
         return expected, C
 
     def retract(self, states: Floats, errors: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..rotations import conjugate, exp_quaternion, log_quaternion, normalised, quaternion_product
+from ..rotation_stacks import conjugates, exp_quaternions, log_quaternions, normalised_rows, quaternion_products
 from .checks import as_array
 
 Floats = NDArray[np.float64]
@@ -125,20 +125,14 @@ def step_deviations(noise: Noise, measured: NDArray[np.bool_]) -> tuple[Floats, 
 
 def retracted(states: Floats, errors: Floats) -> Floats:
     """X ⊞ δ for states that begin with a quaternion q: q ⊙ exp(θ), and the rest added; (n, S) and (n, S − 1)."""
-    shifted = states.copy()
-    for k, error in enumerate(errors):
-        shifted[k, :4] = normalised(quaternion_product(states[k, :4], exp_quaternion(error[:3])))
-    shifted[:, 4:] += errors[:, 3:]
-    return shifted
+    turned = quaternion_products(states[:, :4], exp_quaternions(errors[:, :3]))
+    return np.concatenate([normalised_rows(turned), states[:, 4:] + errors[:, 3:]], axis=1)
 
 
 def differences(states: Floats, references: Floats) -> Floats:
     """X ⊟ x̃ for such states: log(q̃* ⊙ q), and the rest subtracted; (n, S − 1)."""
-    errors = np.empty((len(states), states.shape[1] - 1))
-    for k, (q, reference) in enumerate(zip(states[:, :4], references[:, :4], strict=True)):
-        errors[k, :3] = log_quaternion(quaternion_product(conjugate(reference), q))
-    errors[:, 3:] = states[:, 4:] - references[:, 4:]
-    return errors
+    turned = quaternion_products(conjugates(references[:, :4]), states[:, :4])
+    return np.concatenate([log_quaternions(turned), states[:, 4:] - references[:, 4:]], axis=1)
 
 
 def updated(error: Floats, P: Floats, C: Floats, residual: Floats, deviations: Floats) -> tuple[Floats, Floats]:

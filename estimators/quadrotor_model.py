@@ -16,13 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..rotations import (
-    exp_so3,
-    integrate,
-    right_jacobian,
-    skew,
-    to_matrix,
-    unit,
+from ..rotation_stacks import (
+    conjugates,
+    exp_quaternions,
+    normalised_rows,
+    quaternion_products,
+    right_jacobians,
+    skews,
+    to_matrices,
+)
+from ..rotations import skew, unit
+from ..units import (
+    Gauss,
+    Metres,
+    MetresPerSecond,
+    MetresPerSecondSquared,
+    MetresPerSecondSquaredPerRootSecond,
+    RadiansPerSecond,
+    RadiansPerSecondPerRootSecond,
 )
 from .error_state import Noise, differences, retracted
 
@@ -51,15 +62,15 @@ class Deviations:
         BadInput: one that is not above 0.
     """
 
-    gyroscope: float = math.sqrt(6e-6)
-    accelerometer: float = math.sqrt(2.5e-3)
-    magnetometer: float = math.sqrt(2.5e-7)
-    flow: float = math.sqrt(1e-6)
-    ranges: float = math.sqrt(2.6e-7)
-    gyroscope_gap: float = 0.1
-    accelerometer_gap: float = 1.0
-    gyroscope_walk: float = 1e-4
-    accelerometer_walk: float = 1e-3
+    gyroscope: RadiansPerSecond = 6e-6**0.5
+    accelerometer: MetresPerSecondSquared = 2.5e-3**0.5
+    magnetometer: Gauss = 2.5e-7**0.5
+    flow: MetresPerSecond = 1e-6**0.5
+    ranges: Metres = 2.6e-7**0.5
+    gyroscope_gap: RadiansPerSecond = 0.1
+    accelerometer_gap: MetresPerSecondSquared = 1.0
+    gyroscope_walk: RadiansPerSecondPerRootSecond = 1e-4
+    accelerometer_walk: MetresPerSecondSquaredPerRootSecond = 1e-3
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -165,26 +176,25 @@ class QuadrotorModel:
         """The next states, A and B; see `error_state.Model`."""
         T, n, N = self.step_s, len(states), self.size
         rates, forces = self._corrected(states, inputs, disturbances)
-        following = states.copy()
-        A, B = np.zeros((n, N, N)), np.zeros((n, N, disturbances.shape[1]))
-        A[:] = np.eye(N)
-        A[:, _DZ, 5] = T
+        turn = T * rates
+        full, half = exp_quaternions(turn), to_matrices(exp_quaternions(0.5 * turn))
+        middle = to_matrices(states[:, _Q]) @ half
+        swung = middle @ skews(forces)
         gravity = -GRAVITY if self.printed_accelerometer else GRAVITY
-        for k, (q, rate, force) in enumerate(zip(states[:, _Q], rates, forces, strict=True)):
-            half = 0.5 * T * rate
-            middle = to_matrix(q) @ exp_so3(half)
-            pushed = middle @ force
-            following[k, _Q] = integrate(q, rate, T)
-            following[k, _V] += T * (pushed + gravity)
-            A[k, _THETA, _THETA] = exp_so3(-2.0 * half)
-            B[k, _THETA, GYROSCOPE] = -T * right_jacobian(2.0 * half)
-            swung = middle @ skew(force)
-            A[k, _DV, _THETA] = -T * swung @ exp_so3(-half)
-            B[k, _DV, GYROSCOPE] = (0.5 * T * T) * swung @ right_jacobian(half)
-            B[k, _DV, ACCELEROMETER] = -T * middle
+        following = states.copy()
+        following[:, _Q] = normalised_rows(quaternion_products(states[:, _Q], full))
+        following[:, _V] += T * ((middle @ forces[:, :, np.newaxis])[:, :, 0] + gravity)
         following[:, _Z] += 0.5 * T * (states[:, 6] + following[:, 6])
         following[:, 8:] += disturbances[:, 6:]
-        A[:, _DZ, _THETA], B[:, _DZ] = 0.5 * T * A[:, 5, _THETA], 0.5 * T * B[:, 5]
+        A, B = np.zeros((n, N, N)), np.zeros((n, N, disturbances.shape[1]))
+        A[:] = np.eye(N)
+        A[:, _THETA, _THETA] = to_matrices(conjugates(full))
+        A[:, _DV, _THETA] = -T * swung @ half.transpose(0, 2, 1)
+        A[:, _DZ, _THETA], A[:, _DZ, 5] = 0.5 * T * A[:, 5, _THETA], T
+        B[:, _THETA, GYROSCOPE] = -T * right_jacobians(turn)
+        B[:, _DV, GYROSCOPE] = (0.5 * T * T) * swung @ right_jacobians(0.5 * turn)
+        B[:, _DV, ACCELEROMETER] = -T * middle
+        B[:, _DZ] = 0.5 * T * B[:, 5]
         if self.gyroscope_bias:
             A[:, :7, self.gyroscope_errors] = B[:, :7, GYROSCOPE]
         if self.accelerometer_bias:
@@ -194,24 +204,24 @@ class QuadrotorModel:
 
     def outputs(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """Magnetometer, flow and ranges, and C; see `error_state.Model`."""
-        n = len(states)
+        n, p, arms = len(states), np.array(self.flow_at), (0.0 if self.printed_range else self.arm) * _ARMS
         expected, C = np.empty((n, 10)), np.zeros((n, 10, self.size))
-        p, M = np.array(self.flow_at), np.array(self.field)
-        b, arms = self._shifted(self.gyroscope_errors), 0.0 if self.printed_range else self.arm
-        rates = inputs[:, GYROSCOPE] - (states[:, b] if self.gyroscope_bias else 0.0)
-        for k, q in enumerate(states[:, _Q]):
-            R = to_matrix(q)
-            magnetic, velocity = R.T @ M, R.T @ states[k, _V]
-            expected[k, MAGNETOMETER], C[k, MAGNETOMETER, _THETA] = magnetic, skew(magnetic)
-            expected[k, FLOW] = (velocity - skew(p) @ rates[k])[:2]
-            C[k, FLOW, _THETA], C[k, FLOW, _DV] = skew(velocity)[:2], R.T[:2]
-            if self.gyroscope_bias:
-                C[k, FLOW, self.gyroscope_errors] = skew(p)[:2]
-            upright = R[2, 2]
-            distances = -(states[k, _Z] + arms * (_ARMS @ R[2])) / upright
-            expected[k, RANGES] = distances
-            C[k, RANGES, _THETA] = (arms * _ARMS + distances[:, np.newaxis] * _DOWN) @ skew(R[2]).T / upright
-            C[k, RANGES, _DZ] = -1.0 / upright
+        R = to_matrices(states[:, _Q])
+        magnetic, velocity = np.array(self.field) @ R, (states[:, np.newaxis, _V] @ R)[:, 0]
+        expected[:, MAGNETOMETER], C[:, MAGNETOMETER, _THETA] = magnetic, skews(magnetic)
+        rates = inputs[:, GYROSCOPE]
+        if self.gyroscope_bias:
+            rates = rates - states[:, self._shifted(self.gyroscope_errors)]
+            C[:, FLOW, self.gyroscope_errors] = skew(p)[:2]
+        expected[:, FLOW] = (velocity + rates @ skew(p))[:, :2]
+        C[:, FLOW, _THETA] = skews(velocity)[:, :2]
+        C[:, FLOW, _DV] = R.transpose(0, 2, 1)[:, :2]
+        third, upright = R[:, 2], R[:, 2, 2:]
+        distances = -(states[:, _Z, np.newaxis] + third @ arms.T) / upright
+        expected[:, RANGES] = distances
+        levers = (arms + distances[:, :, np.newaxis] * _DOWN) / upright[:, :, np.newaxis]
+        C[:, RANGES, _THETA] = levers @ skews(third).transpose(0, 2, 1)
+        C[:, RANGES, _DZ] = -1.0 / upright
         return expected, C
 
     def retract(self, states: Floats, errors: Floats) -> Floats:

@@ -44,6 +44,7 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "rad": {"rad": Fraction(1), "mrad": Fraction(1, 1000), "deg": _DEGREE},
     "kg m²": {"g m²": Fraction(1, 1000), "kg m²": Fraction(1), "kg m2": Fraction(1)},
     "N m": {"mN m": Fraction(1, 1000), "N m": Fraction(1)},
+    "G": {"mG": Fraction(1, 1000), "G": Fraction(1)},
     "V": {"mV": Fraction(1, 1000), "V": Fraction(1)},
     "dB": {"dB": Fraction(1)},
     "dBm": {"dBm": Fraction(1)},
@@ -99,12 +100,14 @@ Hertz = Annotated[float, Unit("Hz")]
 BitsPerSecond = Annotated[float, Unit("bit/s")]
 Bytes = Annotated[int, Unit("B")]
 Metres = Annotated[float, Unit("m")]
+MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
 MetresPerRootSecond = Annotated[float, Unit("m/√s")]
 MetresPerSecondSquaredPerRootSecond = Annotated[float, Unit("m/s²/√s")]
 Radians = Annotated[float, Unit("rad")]
 RadiansPerSecond = Annotated[float, Unit("rad/s")]
 RadiansPerSecondPerRootSecond = Annotated[float, Unit("rad/s/√s")]
+Gauss = Annotated[float, Unit("G")]
 Volts = Annotated[float, Unit("V")]
 Decibels = Annotated[float, Unit("dB")]
 DecibelMilliwatts = Annotated[float, Unit("dBm")]

@@ -15,8 +15,10 @@ from ruamel.yaml import YAML
 from volery import topologies, worlds
 from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_parameters import DfaParameters
+from volery.agents.mhe_parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
+from volery.estimators.quadrotor_model import Deviations
 from volery.experiments.link_schema import ACCESSES
 from volery.experiments.scenario import json_schema, load_scenario
 
@@ -50,7 +52,7 @@ def test_every_field_of_the_schema_is_explained() -> None:
     """Fields and choices of the JSON Schema, of slots, and of the module's parameters stand in the page as code."""
     names = {
         *schema_names(json_schema()),
-        *(field.name for kind in (BeaconParameters, DfaParameters, SensorNodeParameters) for field in fields(kind)),
+        *(field.name for kind in (BeaconParameters, Deviations, DfaParameters, MheParameters, SensorNodeParameters) for field in fields(kind)),
     }
     names |= {*ACCESSES, *(field.name for access in ACCESSES.values() for field in fields(access))}
     assert len(names) > 50
