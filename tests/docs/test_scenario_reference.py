@@ -52,7 +52,11 @@ def test_every_field_of_the_schema_is_explained() -> None:
     """Fields and choices of the JSON Schema, of slots, and of the module's parameters stand in the page as code."""
     names = {
         *schema_names(json_schema()),
-        *(field.name for kind in (BeaconParameters, Deviations, DfaParameters, MheParameters, SensorNodeParameters) for field in fields(kind)),
+        *(
+            field.name
+            for kind in (BeaconParameters, Deviations, DfaParameters, MheParameters, SensorNodeParameters)
+            for field in fields(kind)
+        ),
     }
     names |= {*ACCESSES, *(field.name for access in ACCESSES.values() for field in fields(access))}
     assert len(names) > 50
