@@ -3,24 +3,24 @@
 `plane` holds the linear map and the exact inverse of the flying array's kinematics, `least_squares` the centralised and
 the neighbourhood estimate, `information` information pairs, `consensus` their Metropolis round, `averaging`,
 `running_sum`, `flow_updating` and `push_sum` the laws of average consensus that `laws` puts behind one interface, and
-`metrics` what is measured of a run, as `metrics.error` and so on. `inertial_frame` filters the attitude of one vehicle,
-`so3_consensus` the law by which several agree on one frame, and `FrameConsensus` both as one agent needs them.
-`attitude` is about directions seen from a body, `dynamic_consensus` about averages of attitudes that follow what agents
-estimate, `trust` about sensors whose readings stop being near what is predicted of them.
+`metrics` what is measured of a run, as `metrics.error` and so on. `attitude` is about directions seen from a body,
+`dynamic_consensus` about averages of attitudes that follow what agents estimate, `trust` about sensors whose readings
+stop being near what is predicted of them.
 
 The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
 `formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
 `formation_square_root`, `formation_consensus` the distributed one with `formation_messages` and
-`formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So is moving
-horizon estimation: `error_state` says what a model with an error state is, `quadrotor_model` and `attitude_model` are
-such models, `moving_horizon` smooths `windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is
-the filter beside it. So are distributed Kalman filters: `filters` has them by name, `filtering` says what one is,
-`gaussian` has beliefs about a state that moves, and `average_consensus` the ways to average beneath them, `chebyshev`
-and `gossip` among these. The filters are in `kalman_consensus`, `diffusion`, `consensus_filters`,
-`covariance_intersection` and `event_triggered`.
+`formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So are their
+frames: `inertial_frame` filters the attitude of one vehicle, `so3_consensus` is the law by which several agree on one
+frame, and `frame_consensus` both as one agent needs them. So is moving horizon estimation: `error_state` says what a
+model with an error state is, `quadrotor_model` and `attitude_model` are such models, `moving_horizon` smooths
+`windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is the filter beside it. So are
+distributed Kalman filters: `filters` has them by name, `filtering` says what one is, `gaussian` has beliefs about a
+state that moves, and `average_consensus` the ways to average beneath them, `chebyshev` and `gossip` among these. The
+filters are in `kalman_consensus`, `diffusion`, `consensus_filters`, `covariance_intersection` and `event_triggered`.
 """
 
-from . import inertial_frame, metrics, so3_consensus
+from . import metrics
 from .attitude import learned_quaternion, least_squares_attitude, observation_matrix
 from .averaging import (
     Averaging,
@@ -48,8 +48,6 @@ from .flow_updating import (
     flow_updating_update,
     flow_updating_value,
 )
-from .frame_consensus import FrameConsensus
-from .inertial_frame import ImuModel, imu_model
 from .information import InformationPair, pack_pair, unpack_pair
 from .laws import LAWS, ConsensusLaw
 from .least_squares import (
@@ -82,9 +80,7 @@ __all__ = [
     "Averaging",
     "ConsensusLaw",
     "FlowUpdating",
-    "FrameConsensus",
     "HandedEstimate",
-    "ImuModel",
     "InformationPair",
     "RunningSum",
     "ToldAttitude",
@@ -111,8 +107,6 @@ __all__ = [
     "flow_updating_update",
     "flow_updating_value",
     "hand_on",
-    "imu_model",
-    "inertial_frame",
     "initial_pair",
     "judged",
     "largest_step",
@@ -130,7 +124,6 @@ __all__ = [
     "running_sum_start",
     "running_sum_update",
     "running_sum_value",
-    "so3_consensus",
     "unpack_pair",
     "weighted_average",
     "well_conditioned",

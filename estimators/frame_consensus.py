@@ -18,7 +18,7 @@ from bisect import bisect_right
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..rotations import (
@@ -31,7 +31,7 @@ from ..rotations import (
     quaternion_product,
 )
 from .checks import as_array, check_neighbour
-from .inertial_frame import LONGEST_STEP_S, ImuEstimate, ImuModel, at_rest, implied_attitude, predict, update
+from .inertial_frame import LONGEST_STEP_S, ImuEstimate, ImuModel, Reading, at_rest, implied_attitude, predict, update
 from .so3_consensus import check_anchor, consensus_step, seen_attitude
 
 Floats = NDArray[np.float64]
@@ -84,6 +84,7 @@ class FrameConsensus:
         self._now_ns = 0
         self._times: list[int] = []
         self._states: list[Floats] = []
+        self._known: list[Floats | None] = []
         self._frames: dict[str, Floats] = {}
         self._newest: dict[str, int] = {}
 
@@ -100,9 +101,9 @@ class FrameConsensus:
     def update(
         self,
         *,
-        gyro: ArrayLike | None = None,
-        accelerometer: ArrayLike | None = None,
-        magnetometer: ArrayLike | None = None,
+        gyro: Reading | None = None,
+        accelerometer: Reading | None = None,
+        magnetometer: Reading | None = None,
     ) -> None:
         """Take in readings of this instant, as `inertial_frame.update`; the first two directions start the filter."""
         if self._estimate is None:
@@ -119,9 +120,17 @@ class FrameConsensus:
         if not self._times or self._times[-1] < self._now_ns:
             self._times.append(self._now_ns)
             self._states.append(self._estimate.state)
+            self._known.append(None)
             while self._times[0] < self._now_ns - self._memory_ns:
-                del self._times[0], self._states[0]
-        self._states[-1] = self._estimate.state
+                del self._times[0], self._states[0], self._known[0]
+        self._states[-1], self._known[-1] = self._estimate.state, None
+
+    def _read(self, place: int) -> Floats:
+        """The attitude that the readings at one of the remembered instants imply, worked out once."""
+        known = self._known[place]
+        if known is None:
+            self._known[place] = known = implied_attitude(self._states[place])
+        return known
 
     def local_attitude(self, time_ns: int | None = None) -> Floats | None:
         """The attitude in the own frame (4,), now or at an instant [ns]; None where it is not known.
@@ -133,14 +142,17 @@ class FrameConsensus:
         after = bisect_right(self._times, when_ns)
         if after == 0:
             return None
-        before_ns, state = self._times[after - 1], self._states[after - 1]
-        before, passed_ns = implied_attitude(state), when_ns - before_ns
+        passed_ns = when_ns - self._times[after - 1]
         if passed_ns == 0:
-            return before
+            return self._read(after - 1)
         if after == len(self._times):
-            return integrate(before, state[:3], passed_ns / _SECOND_NS) if passed_ns <= _STEP_NS else None
-        turn = log_quaternion(quaternion_product(conjugate(before), implied_attitude(self._states[after])))
-        return quaternion_product(before, exp_quaternion(passed_ns / (self._times[after] - before_ns) * turn))
+            if passed_ns > _STEP_NS:
+                return None
+            return integrate(self._read(after - 1), self._states[after - 1][:3], passed_ns / _SECOND_NS)
+        before = self._read(after - 1)
+        turn = log_quaternion(quaternion_product(conjugate(before), self._read(after)))
+        share = passed_ns / (self._times[after] - self._times[after - 1])
+        return quaternion_product(before, exp_quaternion(share * turn))
 
     # -- The frame of all -----------------------------------------------------------------------------------------
 

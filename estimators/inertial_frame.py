@@ -12,22 +12,26 @@ x = (ω, a, μ) (9,), P its covariance, J inertia [kg m²], F the Jacobian of th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dposv
 
 from ..errors import BadInput
-from ..rotations import exp_so3, from_matrix, skew
+from ..rotations import from_matrix, skew
 from .checks import as_array
 
 Floats = NDArray[np.float64]
+Reading = Floats | Sequence[float]
+"""Three numbers."""
 
 LONGEST_STEP_S = 0.1
 """Longer, and the forward Euler step of (1) no longer follows: at 2 rad/s it adds 2 % to the rates in each step."""
 
 _RATES, _FORCE, _FIELD = slice(0, 3), slice(3, 6), slice(6, 9)
-_TRIPLE = np.arange(3)
 _SMALL = 1e-2
 _UPRIGHT = 1e-6
 
@@ -48,7 +52,7 @@ class ImuModel:
     noise: Floats
 
     gyration: Floats = field(init=False)
-    """∂f/∂ω of f = −J⁻¹ (ω × J ω) is this (3, 3, 3) times ω, and f, being quadratic, is half of that times ω."""
+    """∂f/∂ω of f = −J⁻¹ (ω × J ω), row by row, is this (9, 3) times ω; f, being quadratic, is half of that times ω."""
 
     def __post_init__(self) -> None:
         """Check all three, and work out what (1) needs in each step."""
@@ -56,11 +60,10 @@ class ImuModel:
             object.__setattr__(self, name, _positive(getattr(self, name), size, name))
         J = self.inertia
         by_rate = [np.linalg.solve(J, skew(J @ axis) - skew(axis) @ J) for axis in np.eye(3)]
-        object.__setattr__(self, "gyration", np.stack(by_rate, axis=-1))
+        object.__setattr__(self, "gyration", np.stack(by_rate, axis=-1).reshape(9, 3))
 
 
-@dataclass(frozen=True, eq=False)
-class ImuEstimate:
+class ImuEstimate(NamedTuple):
     """Estimate of (ω, a, μ), shape (9,) [rad/s, m/s², unit of the magnetometer], and its covariance, shape (9, 9)."""
 
     state: Floats
@@ -119,57 +122,39 @@ def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
     if not 0.0 < dt_s <= LONGEST_STEP_S:
         raise BadInput(f"a step of {dt_s:g} s: must be above 0 and at most {LONGEST_STEP_S:g} s, take several")
     state, F = propagate(estimate.state, model, dt_s)
-    covariance = F @ estimate.covariance @ F.T + model.process * dt_s
-    return ImuEstimate(state, 0.5 * (covariance + covariance.T))
+    return ImuEstimate(state, F.dot(estimate.covariance).dot(F.T) + model.process * dt_s)
 
 
 def propagate(state: Floats, model: ImuModel, dt_s: float) -> tuple[Floats, Floats]:
     """The predicted state, shape (9,), and the Jacobian F of the prediction, shape (9, 9).
 
-    ∂ω⁺/∂ω = 1 + dt J⁻¹ (skew(Jω) − skew(ω) J),  ∂a⁺/∂ω = dt E skew(a) V(ω⁺ dt) ∂ω⁺/∂ω,  ∂a⁺/∂a = E = exp(−skew(ω⁺) dt)
-    V is the left Jacobian of SO(3): exp(skew(v + δ)) ≈ exp(skew(V δ)) exp(skew(v)).
+    D = ∂ω⁺/∂ω = 1 + dt J⁻¹ (skew(Jω) − skew(ω) J),  ∂a⁺/∂a = E = exp(−skew(θ)),  ∂a⁺/∂ω = dt skew(a⁺) V D,  θ = dt ω⁺
+    V is the right Jacobian of SO(3): exp(skew(θ + δ)) ≈ exp(skew(θ)) exp(skew(V δ)), so that E turns by −V δ.
     """
-    rates = state[_RATES]
-    step = dt_s * (model.gyration @ rates)
-    new_rates = rates + 0.5 * (step @ rates)
-    turn = dt_s * new_rates
-    E = exp_so3(-turn)
-    F = np.eye(9)
-    F[_RATES, _RATES] += step
-    by_rates = dt_s * left_jacobian(turn) @ F[_RATES, _RATES]
-    new = np.empty(9)
-    new[_RATES] = new_rates
-    for vector in (_FORCE, _FIELD):
-        new[vector] = E @ state[vector]
-        F[vector, vector] = E
-        F[vector, _RATES] = E @ skew(state[vector]) @ by_rates
-    return new, F
-
-
-def left_jacobian(rotvec: Floats) -> Floats:
-    """V(v) = 1 + (1 − cos θ)/θ² S + (θ − sin θ)/θ³ S², shape (3, 3); θ = ‖v‖ [rad], S = skew(v), S² = vvᵀ − θ² 1."""
-    x, y, z = rotvec.tolist()
-    angle = math.hypot(x, y, z)
-    if angle < _SMALL:  # the series: the next terms, θ⁴/720 and θ⁴/5040, are below rounding
-        square = angle * angle
-        first, second = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-    else:
-        first = 0.5 * (math.sin(0.5 * angle) / (0.5 * angle)) ** 2
-        second = (angle - math.sin(angle)) / angle**3
-    one = 1.0 - second * angle * angle
-    a, b, c = first * x, first * y, first * z
-    xy, xz, yz = second * x * y, second * x * z, second * y * z
-    rows = (one + second * x * x, xy - c, xz + b, xy + c, one + second * y * y, yz - a, xz - b, yz + a)
-    return np.array((*rows, one + second * z * z)).reshape(3, 3)
+    x, y, z, *directions = state.tolist()
+    a, b, c, d, e, f, g, h, i = (dt_s * model.gyration.dot(state[_RATES])).tolist()
+    x, y, z = (
+        x + 0.5 * (a * x + b * y + c * z),
+        y + 0.5 * (d * x + e * y + f * z),
+        z + 0.5 * (g * x + h * y + i * z),
+    )
+    E, V = _turn_back(dt_s * x, dt_s * y, dt_s * z)
+    D = (a + 1.0, b, c, d, e + 1.0, f, g, h, i + 1.0)
+    force, magnetic = _applied(E, *directions[:3]), _applied(E, *directions[3:])
+    F, VD = np.zeros((9, 9)), _times(V, D)
+    F[:3, _RATES] = np.array(D).reshape(3, 3)
+    F[3:, _RATES] = dt_s * np.array((*_crossed(*force, VD), *_crossed(*magnetic, VD))).reshape(6, 3)
+    F[_FORCE, _FORCE] = F[_FIELD, _FIELD] = np.array(E).reshape(3, 3)
+    return np.array((x, y, z, *force, *magnetic)), F
 
 
 def update(
     estimate: ImuEstimate,
     model: ImuModel,
     *,
-    gyro: ArrayLike | None = None,
-    accelerometer: ArrayLike | None = None,
-    magnetometer: ArrayLike | None = None,
+    gyro: Reading | None = None,
+    accelerometer: Reading | None = None,
+    magnetometer: Reading | None = None,
 ) -> ImuEstimate:
     """The estimate after one reading of each sensor that gave one.
 
@@ -185,21 +170,22 @@ def update(
     Raises:
         BadInput: a reading that is not three finite numbers.
     """
-    readings = ((gyro, 0), (accelerometer, 3), (magnetometer, 6))
-    given = [(as_array(values, (3,), "a reading"), place) for values, place in readings if values is not None]
+    readings = (gyro, accelerometer, magnetometer)
+    given = [values for values in readings if values is not None]
     if not given:
         return estimate
-    z = np.concatenate([values for values, _ in given])
+    z = _checked(given)
     x, P = estimate.state, estimate.covariance
     if len(given) == 3:
-        L = np.linalg.solve(P + model.noise, P).T
-        state, covariance = x + L @ (z - x), P - L @ P
+        expected, seen, S = x, P, P + model.noise
     else:
-        rows = np.concatenate([_TRIPLE + place for _, place in given])
-        seen = P[rows]
-        L = np.linalg.solve(seen[:, rows] + model.noise[np.ix_(rows, rows)], seen).T
-        state, covariance = x + L @ (z - x[rows]), P - L @ seen
-    return ImuEstimate(state, 0.5 * (covariance + covariance.T))
+        rows = np.repeat([values is not None for values in readings], 3).nonzero()[0]
+        expected, seen = x[rows], P[rows]
+        S = seen[:, rows] + model.noise[np.ix_(rows, rows)]
+    _, gain, failed = dposv(S, seen)
+    assert failed == 0, "P or R has lost its positive definiteness"
+    covariance = P - gain.T.dot(seen)
+    return ImuEstimate(x + gain.T.dot(z - expected), 0.5 * (covariance + covariance.T))
 
 
 def implied_attitude(state: Floats) -> Floats:
@@ -222,6 +208,63 @@ def implied_attitude(state: Floats) -> Floats:
         raise BadInput("the estimated magnetic field is zero or parallel to up: there is no north")
     x, y, z = x / across, y / across, z / across
     return from_matrix(np.array(((y * c - z * b, z * a - x * c, x * b - y * a), (x, y, z), (a, b, c))))
+
+
+def _checked(readings: Sequence[Reading]) -> Floats:
+    """The readings one after another; finite numbers, three of each sensor."""
+    z = np.concatenate(readings)
+    if {*map(len, readings)} != {3} or not math.isfinite(z.dot(z)):
+        raise BadInput(f"a reading is three finite numbers: these are {[list(values) for values in readings]}")
+    return z
+
+
+# -- Matrices as nine numbers, row by row: at this size many times as fast as arrays ------------------------------
+
+_Nine = tuple[float, ...]
+
+
+def _turn_back(x: float, y: float, z: float) -> tuple[_Nine, _Nine]:
+    """exp(−skew(θ)) = 1 − sin θ/θ S + (1 − cos θ)/θ² S², and its Jacobian 1 − (1 − cos θ)/θ² S + (θ − sin θ)/θ³ S²."""
+    angle = math.hypot(x, y, z)
+    square = angle * angle
+    if angle < _SMALL:  # the next terms, θ⁶/5040 and less, are below rounding
+        first, second = 1.0 - square / 6.0 * (1.0 - square / 20.0), 0.5 - square / 24.0 * (1.0 - square / 30.0)
+        third = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
+    else:
+        first, second = math.sin(angle) / angle, 2.0 * math.sin(0.5 * angle) ** 2 / square
+        third = (1.0 - first) / square
+    return _series(first, second, x, y, z), _series(second, third, x, y, z)
+
+
+def _series(first: float, second: float, x: float, y: float, z: float) -> _Nine:
+    """1 − first S + second S² with S = skew(x, y, z)."""
+    xx, yy, zz = second * x * x, second * y * y, second * z * z
+    xy, xz, yz = second * x * y, second * x * z, second * y * z
+    a, b, c = first * x, first * y, first * z
+    return 1.0 - yy - zz, xy + c, xz - b, xy - c, 1.0 - xx - zz, yz + a, xz + b, yz - a, 1.0 - xx - yy
+
+
+def _times(P: _Nine, Q: _Nine) -> _Nine:
+    """The product of two matrices."""
+    a, b, c, d, e, f, g, h, i = P
+    r, s, t, u, v, w, x, y, z = Q
+    first = a * r + b * u + c * x, a * s + b * v + c * y, a * t + b * w + c * z
+    second = d * r + e * u + f * x, d * s + e * v + f * y, d * t + e * w + f * z
+    return *first, *second, g * r + h * u + i * x, g * s + h * v + i * y, g * t + h * w + i * z
+
+
+def _applied(P: _Nine, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A matrix times a vector."""
+    a, b, c, d, e, f, g, h, i = P
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def _crossed(x: float, y: float, z: float, P: _Nine) -> _Nine:
+    """skew(x, y, z) times a matrix."""
+    a, b, c, d, e, f, g, h, i = P
+    first = y * g - z * d, y * h - z * e, y * i - z * f
+    second = z * a - x * g, z * b - x * h, z * c - x * i
+    return *first, *second, x * d - y * a, x * e - y * b, x * f - y * c
 
 
 def _positive(values: ArrayLike, size: int, name: str) -> Floats:
