@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import BadInput
 from .explaining import did_you_mean
-from .run_files import INFO_FILE, RECORD_FILE, SCENARIO_FILE
+from .run_files import INFO_FILE, RECORD_FILE, SCENARIO_FILE, SWEEP_FILE
 
 LAST = "last"
 
@@ -35,10 +35,16 @@ def find_run(run: str, runs: Path) -> Path:
     for folder in (runs / run, Path(run)):
         if (folder / SCENARIO_FILE).is_file() or (folder / RECORD_FILE).is_file():
             return folder
-    if not present:
+    sweeps = [mark.parent.name for mark in runs.glob(f"*/{SWEEP_FILE}")]
+    if not present and not sweeps:
         raise BadInput(f"there is no run {run!r}, and {runs} has none: `volery run SCENARIO` makes one")
-    near = did_you_mean(run, (folder.name for folder in present)) if run not in (LAST, ".") else ""
+    near = did_you_mean(run, [*(folder.name for folder in present), *sweeps]) if run not in (LAST, ".") else ""
     raise BadInput(f"there is no run {run!r} in {runs}{near}; RUN is a folder, its name in --runs, or {LAST}")
+
+
+def find_sweep(name: str, runs: Path) -> Path | None:
+    """The folder of a sweep of this name or path, None if it is none."""
+    return next((folder for folder in (runs / name, Path(name)) if (folder / SWEEP_FILE).is_file()), None)
 
 
 def finished_run(run: str, runs: Path) -> Path:

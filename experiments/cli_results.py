@@ -10,13 +10,15 @@ from cyclopts import Parameter
 
 from ..errors import BadInput
 from .cli_diagram import NO_DIAGRAM, Diagram
-from .cli_folders import finished_run
+from .cli_folders import find_sweep, finished_run
 from .cli_output import output, print_plain
 from .cli_parameters import RUNS, RunName, RunsFolder
+from .cli_sweep_chart import NO_CHART, ChartOptions
 from .export import FORMATS, export
 from .figures import FIGURES, plot
 from .mcap_file import recover
 from .metrics import write_metrics
+from .sweep_figures import SWEEP_FIGURES
 from .tables import metrics_tables
 from .verify import verify
 
@@ -24,7 +26,8 @@ _THRESHOLD = "Error below which a run counts as converged, in the agents' units;
 More = Annotated[str, Parameter(help="Further runs.")]
 AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: name of the run's folder, its metrics.")]
 Threshold = Annotated[float | None, Parameter(help=_THRESHOLD)]
-Which = Annotated[str, Parameter(help=f"Figures to draw, of {', '.join(FIGURES)}; all by default.")]
+_WHICH = f"Figures to draw, of a run {', '.join(FIGURES)}, of a sweep {', '.join(SWEEP_FIGURES)}; all by default."
+Which = Annotated[str, Parameter(help=_WHICH)]
 Formats = Annotated[tuple[str, ...], Parameter("--format", help="Such as png, pdf or svg; may be given several times.")]
 Quantity = Annotated[str | None, Parameter(help="Reported quantity to draw; the first by default.")]
 FiguresFolder = Annotated[Path | None, Parameter(help="Folder for the figures; by default `figures` in the run's.")]
@@ -63,13 +66,22 @@ def plot_run(
     quantity: Quantity = None,
     out: FiguresFolder = None,
     diagram: Diagram = NO_DIAGRAM,
+    chart: ChartOptions = NO_CHART,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Draw the figures of a run and print their paths.
+    """Draw the figures of a run or a sweep and print their paths.
 
     With --space-time the diagram of a window instead: who sent what to whom, and where it went. With --animate a film
     in plan view: where everybody is and is believed to be, and which links carry frames.
     """
+    if sweep := find_sweep(run, runs):
+        if quantity is not None or diagram != NO_DIAGRAM:
+            raise BadInput("--quantity and --space-time are of runs: of a sweep choose a --measure")
+        for path in chart.draw(sweep, which, out, format_):
+            print_plain(str(path))
+        return
+    if chart != NO_CHART:
+        raise BadInput("--measure, --across and --by are of the figures of a sweep, and this is a run")
     folder = finished_run(run, runs)
     paths = diagram.draw(folder, out, format_)
     if which or not paths:

@@ -67,7 +67,7 @@ def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A00
         if format == "csv":
             _write_csv(path, columns, rows[name])
         else:
-            _write_parquet(path, columns, rows[name])
+            write_parquet(path, columns, rows[name])
     return paths
 
 
@@ -121,8 +121,11 @@ def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[tuple[Any, ...
         writer.writerows(rows)
 
 
-def _write_parquet(path: Path, columns: dict[str, str], rows: Iterable[tuple[Any, ...]]) -> None:
-    """Through CSV, the one way into duckdb that keeps NaN apart from what is missing."""
+def write_parquet(path: Path, columns: dict[str, str], rows: Iterable[tuple[Any, ...]]) -> None:
+    """Write rows as Parquet, None for what is missing.
+
+    Through CSV, the one way into duckdb that keeps NaN apart from what is missing.
+    """
     import duckdb
 
     with tempfile.TemporaryDirectory() as private, duckdb.connect() as database:

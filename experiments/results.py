@@ -91,9 +91,18 @@ def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[s
         BadInput: the scenario or an option does not fit.
         RunFailed: the swarm could not be started.
     """
-    read = _from_mapping(scenario, overrides) if isinstance(scenario, Mapping) else load_scenario(scenario, overrides)
+    read = read_any(scenario, overrides)
     validate_plan(compile_plan(read), read.overload)
     return load_run(execute(read, options).folder)
+
+
+def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> Scenario:
+    """The scenario of a name, a path or the fields themselves.
+
+    Raises:
+        BadInput: it is none.
+    """
+    return _from_mapping(scenario, overrides) if isinstance(scenario, Mapping) else load_scenario(scenario, overrides)
 
 
 def _from_mapping(fields: Mapping[str, Any], overrides: Sequence[str]) -> Scenario:

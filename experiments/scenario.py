@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from .compile import attempt, compile_plan
 from .explaining import explain
-from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
+from .library import Source, builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .link_schema import validated
 from .reading import read_document
 from .schema import SCENARIO, Scenario, json_schema, known_fields, resolved_yaml
@@ -25,6 +25,7 @@ __all__ = [
     "json_schema",
     "load_scenario",
     "new_scenario_text",
+    "read_scenario",
     "resolved_yaml",
     "scenario_text",
 ]
@@ -39,7 +40,16 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     Raises:
         BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`.
     """
-    name, label, text, folder = find_source(source)
+    return read_scenario(find_source(source), overrides)
+
+
+def read_scenario(source: Source, overrides: Sequence[str] = ()) -> Scenario:
+    """The scenario of a text, as `load_scenario` reads it.
+
+    Raises:
+        BadInput: as there.
+    """
+    name, label, text, folder = source
     _reach(Path.cwd(), folder)
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)

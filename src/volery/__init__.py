@@ -1,6 +1,7 @@
 """volery: an asynchronous networked agent emulator over Eclipse Zenoh.
 
 `run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.results.Run`.
+`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweep_results.Sweep`.
 `connect` finds a swarm that is running, to inject faults.
 """
 
@@ -13,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from .experiments.remote import RunningSwarm
     from .experiments.results import Run
+    from .experiments.sweep_results import Sweep
 
-__all__ = ["connect", "load", "run"]
+__all__ = ["connect", "load", "run", "sweep"]
 
 
 def run(
@@ -64,6 +66,53 @@ def run(
 
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
     return run_scenario(scenario, overrides, options)
+
+
+def sweep(  # noqa: PLR0913 - all but two by name
+    scenario: str | Path | Mapping[str, Any],
+    over: Mapping[str, str | Sequence[Any] | Mapping[str, Sequence[str]]] | Sequence[str],
+    *,
+    repeat: int = 1,
+    random: int | None = None,
+    overrides: Sequence[str] = (),
+    engine: Literal["zenoh", "twin"] = "twin",
+    runs: str | Path = "runs",
+    name: str | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    keep: bool = False,
+    fresh: bool = False,
+) -> Sweep:
+    """Run a scenario over ranges of its fields, many times each, and give the table of all runs.
+
+    What was finished before an interruption is not run again. In a script call it under `if __name__ == "__main__":`,
+    as processes of their own do the work.
+
+    Args:
+        scenario: name of a built-in scenario, path of a YAML file, or the fields themselves.
+        over: field → a range such as "0:0.8:0.1", values, or named points with what each sets, as in
+            {"filter": {"plain": ["agents.rounds=3"], "fast": ["agents.rounds=9", "links.rate=1 Mbit/s"]}}.
+        repeat: runs of each combination, with the scenario's seed and those that follow it.
+        random: so many random combinations instead of all.
+        overrides: what is set in all runs.
+        engine: all agents in one process, or one process an agent over Zenoh in lockstep pace.
+        runs: folder of runs.
+        name: of the sweep's folder, instead of one that follows from what is swept.
+        workers: processes at once, by default one a core.
+        scheduler: address of a Dask scheduler whose workers do the work instead.
+        keep: whether to keep the folder of each run.
+        fresh: whether to drop results that are there.
+    Returns:
+        The sweep; `table` has its columns as arrays, one entry a run, `folder` is where table.parquet is.
+    Raises:
+        BadInput: a field that does not exist, an empty range, an option that does not fit, results of another sweep.
+        RunFailed: a run could not be carried through; what is finished is kept.
+    """
+    from .experiments.sweep import SweepOptions
+    from .experiments.sweep import sweep as carry_out
+
+    options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
+    return carry_out(scenario, over, overrides, random, options)
 
 
 def load(folder: str | Path) -> Run:
