@@ -13,7 +13,7 @@ from ..errors import BadInput
 from .formation_filter import FormationFilter, Observation
 from .formation_intersection import Weighting, intersect
 from .formation_messages import FullMessage, History, Message, PairMessage, run_forward
-from .formation_model import blocks
+from .formation_model import check_pair
 
 Delay = Literal["ignore", "compensate"]
 Fusion = Literal["kalman", "intersection"]
@@ -124,7 +124,8 @@ class ConsensusFilter:
         Raises:
             BadInput: vehicles or lengths that do not fit the formation, or no covariance where intersection needs one.
         """
-        blocks(self.own.model.vehicles, message.pairs, True)
+        for pair in message.pairs:
+            check_pair(self.own.model.vehicles, pair)
         if len(message.values) != 6 * len(message.pairs):
             raise BadInput(f"a message of {len(message.values)} values on {len(message.pairs)} pairs: give 6 for each")
         if isinstance(message, FullMessage) and len(message.values) != self.own.model.size:

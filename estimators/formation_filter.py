@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.blas import daxpy
 
 from ..errors import BadInput
 from .checks import as_array
 from .formation_covariance import JosephCovariance, check_positive, checked_covariance
-from .formation_model import FormationModel, Pair, blocks, picked
+from .formation_model import FormationModel, Pair, rows
 from .formation_square_root import SquareRootCovariance
 
 Form = Literal["joseph", "square-root"]
@@ -38,15 +39,15 @@ class Observation:
 
     def __post_init__(self) -> None:
         """Check shapes and signs."""
-        size = len(self.values)
-        if size not in (3 * len(self.pairs), 6 * len(self.pairs)) or self.covariance.shape != (size, size):
+        size, least = len(self.values), 3 * len(self.pairs)
+        if (size != least and size != 2 * least) or self.covariance.shape != (size, size):
             raise BadInput(
                 f"{size} values with a covariance of shape {self.covariance.shape} for {len(self.pairs)} pairs: give 3 "
                 f"values a pair, or 6 with velocities, and a row and a column of covariance for each"
             )
         if not math.isfinite(self.values.dot(self.values)):
             raise BadInput(f"an observation of {self.pairs} is not finite: {self.values.tolist()}")
-        check_positive(self.covariance, f"covariance of an observation of {self.pairs}")
+        check_positive(self.covariance, "covariance of an observation")
 
     @property
     def velocities(self) -> bool:
@@ -103,6 +104,7 @@ class FormationFilter:
         self.time_ns = time_ns
         self._longest_step_ns = longest_step_ns
         self._state = as_array(state, (model.size,), "state of a formation")[model.split_order]
+        self._places, self._speeds = np.split(self._state, 2)
         kind = JosephCovariance if form == "joseph" else SquareRootCovariance
         self.spread: JosephCovariance | SquareRootCovariance = kind(_initial(model, covariance))
 
@@ -119,8 +121,8 @@ class FormationFilter:
 
     def pair(self, first: int, second: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Estimate of p_first − p_second and v_first − v_second, shape (6,) [m, m/s]; its covariance, (6, 6)."""
-        chosen = blocks(self.model.vehicles, ((first, second),), True)
-        return picked(self._state[:, np.newaxis], chosen).ravel(), self.spread.observed(chosen)
+        seen = rows(self.model.vehicles, ((first, second),), True)
+        return seen @ self._state, self.spread.observed(seen)
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
         """Move on to an instant under forces that are held until then.
@@ -143,9 +145,8 @@ class FormationFilter:
         if len(inputs) != 3 * self.model.vehicles or not math.isfinite(inputs.dot(inputs)):
             raise BadInput(f"forces {inputs.tolist()}: give 3 finite ones for each of {self.model.vehicles} vehicles")
         step = self.model.step(duration_ns)
-        half = len(self._state) // 2
-        self._state[:half] += step.duration_s * self._state[half:]
-        self._state += np.dot(step.input_map, inputs)
+        daxpy(self._speeds, self._places, self._places.size, step.duration_s)
+        self._state += step.input_map.dot(inputs)
         self.spread.predict(step)
         self.time_ns = time_ns
 
@@ -161,9 +162,9 @@ class FormationFilter:
         """
         if not observations:
             return
-        chosen, values, noise = _stacked(self.model.vehicles, observations)
-        innovation = values - picked(self._state[:, np.newaxis], chosen)[:, 0]
-        self._state += np.dot(innovation, self.spread.update(chosen, noise))
+        seen, values, noise = _stacked(self.model, observations)
+        innovation = values - seen.dot(self._state)
+        self._state += self.spread.update(seen, noise).T.dot(innovation)
 
 
 def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64]:
@@ -176,17 +177,17 @@ def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64
 
 
 def _stacked(
-    vehicles: int, observations: Sequence[Observation]
-) -> tuple[tuple[tuple[int, int, bool], ...], NDArray[np.float64], NDArray[np.float64]]:
-    """Rows, values and block-diagonal noise of all observations together."""
-    first = observations[0]
+    model: FormationModel, observations: Sequence[Observation]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """H, values and block-diagonal noise of all observations together."""
     if len(observations) == 1:
-        return blocks(vehicles, first.pairs, first.velocities), first.values, first.covariance
-    chosen = tuple(block for each in observations for block in blocks(vehicles, each.pairs, each.velocities))
-    noise = np.zeros((3 * len(chosen), 3 * len(chosen)))
+        only = observations[0]
+        return rows(model.vehicles, only.pairs, only.velocities), only.values, only.covariance
+    seen = np.concatenate([rows(model.vehicles, each.pairs, each.velocities) for each in observations])
+    noise = np.zeros((len(seen), len(seen)))
     at = 0
     for each in observations:
         size = len(each.values)
         noise[at : at + size, at : at + size] = each.covariance
         at += size
-    return chosen, np.concatenate([each.values for each in observations]), noise
+    return seen, np.concatenate([each.values for each in observations]), noise

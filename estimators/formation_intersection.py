@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .formation_covariance import solved
 from .formation_filter import FormationFilter, Observation
-from .formation_model import blocks
+from .formation_model import rows
 
 Weighting = Literal["optimal", "fast"]
 
@@ -33,8 +33,7 @@ def intersect(own: FormationFilter, told: Observation, weighting: Weighting = "o
     Returns:
         ω in (0, 1]; 1 if the message was of no use.
     """
-    chosen = blocks(own.model.vehicles, told.pairs, told.velocities)
-    seen = own.spread.observed(chosen)
+    seen = own.spread.observed(rows(own.model.vehicles, told.pairs, told.velocities))
     weigh = optimal_weight if weighting == "optimal" else fast_weight
     weight = weigh(seen, told.covariance, own.model.size)
     if weight < 1.0:

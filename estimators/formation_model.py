@@ -22,9 +22,6 @@ from .checks import as_array
 Pair = tuple[int, int]
 """(i, j): what is measured is p_i − p_j."""
 
-Block = tuple[int, int, bool]
-"""Rows [start, stop) of the split order, three for each relative vector, that are summed; True: with a minus."""
-
 NANOSECOND = 1e-9
 
 
@@ -148,13 +145,7 @@ class FormationModel:
         Raises:
             BadInput: a pair of vehicles that do not exist, or of one with itself.
         """
-        rows = []
-        for i, j in pairs:
-            check_pair(self.vehicles, (i, j))
-            chain = np.zeros(self.vehicles - 1)
-            chain[min(i, j) : max(i, j)] = 1.0 if i < j else -1.0
-            rows.append(np.kron(np.kron(chain, np.eye(2) if velocities else [[1.0, 0.0]]), np.eye(3)))
-        return np.vstack(rows)
+        return rows(self.vehicles, tuple(pairs), velocities)[:, self.paper_order]
 
 
 def check_pair(vehicles: int, pair: Pair) -> None:
@@ -168,43 +159,24 @@ def check_pair(vehicles: int, pair: Pair) -> None:
         raise BadInput(f"({i}, {j}) is no pair here: give two different vehicles of 0 … {vehicles - 1}")
 
 
-@lru_cache(maxsize=4096)
-def blocks(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> tuple[Block, ...]:
-    """Which rows of the split order are summed for each block of three of a measurement: C or H, without its zeros.
+@lru_cache(maxsize=1024)
+def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> NDArray[np.float64]:
+    """C, or H where velocities are told too, in split order, shape (3m, 6(N−1)) or (6m, 6(N−1)), read only.
 
     p_i − p_j = r_i + … + r_{j−1} for i < j, and its negative for i > j.
 
     Raises:
         BadInput: a pair of vehicles that do not exist, or of one with itself.
     """
-    found: list[Block] = []
-    for i, j in pairs:
+    told = 2 if velocities else 1
+    chains = np.zeros((len(pairs), told, 2, vehicles - 1))
+    for chain, (i, j) in zip(chains, pairs, strict=True):
         check_pair(vehicles, (i, j))
-        start, stop = 3 * min(i, j), 3 * max(i, j)
-        found.append((start, stop, i > j))
-        if velocities:
-            offset = 3 * (vehicles - 1)
-            found.append((offset + start, offset + stop, i > j))
-    return tuple(found)
-
-
-def picked(rows: NDArray[np.float64], chosen: tuple[Block, ...]) -> NDArray[np.float64]:
-    """H times a matrix of which only sums of rows are needed, shape (3 × number of blocks, columns).
-
-    Args:
-        rows: in split order, shape (6(N−1), columns).
-        chosen: as `blocks` gives them.
-    """
-    taken = np.empty((3 * len(chosen), rows.shape[1]))
-    for at, (start, stop, negative) in enumerate(chosen):
-        place = taken[3 * at : 3 * at + 3]
-        if stop - start == 3:
-            place[...] = rows[start:stop]
-        else:
-            np.add.reduce(rows[start:stop].reshape(-1, 3, rows.shape[1]), axis=0, out=place)
-        if negative:
-            np.negative(place, out=place)
-    return taken
+        for half in range(told):
+            chain[half, half, min(i, j) : max(i, j)] = 1.0 if i < j else -1.0
+    found: NDArray[Any] = np.kron(chains.reshape(told * len(pairs), -1), np.eye(3))
+    found.setflags(write=False)
+    return found
 
 
 def _incidence(vehicles: int) -> NDArray[np.float64]:
@@ -215,5 +187,5 @@ def _incidence(vehicles: int) -> NDArray[np.float64]:
 @lru_cache(maxsize=64)
 def _step(model: FormationModel, duration_ns: int) -> Step:
     seconds, order = duration_ns * NANOSECOND, model.split_order
-    noise = np.ascontiguousarray(model.process_noise(seconds)[np.ix_(order, order)])
+    noise = np.asfortranarray(model.process_noise(seconds)[np.ix_(order, order)])
     return Step(seconds, model.input_map(seconds)[order], noise, model.noise_root(seconds)[order])

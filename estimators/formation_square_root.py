@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
 from .formation_covariance import checked_covariance
-from .formation_model import Block, Step, picked
+from .formation_model import Step
 
 
 class SquareRootCovariance:
@@ -40,13 +40,13 @@ class SquareRootCovariance:
         moved[:half] += step.duration_s * self._root[half:]
         self._root = _triangular(np.hstack([moved, step.noise_root]))
 
-    def update(self, chosen: tuple[Block, ...], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    def update(self, rows: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
         """The gain of a measurement, and the covariance after it.
 
         [[E, 0], [G, S⁺]] = [[R^½, H S], [0, S]] Θ,  L = G E⁻¹            Kaminski, Bryson and Schmidt 1971
 
         Args:
-            chosen: the rows of H.
+            rows: H, shape (k, 6n).
             noise: R, symmetric positive definite, shape (k, k).
         Returns:
             Lᵀ, shape (k, 6n).
@@ -54,7 +54,7 @@ class SquareRootCovariance:
         count, size = len(noise), len(self._root)
         array = np.zeros((count + size, count + size))
         array[:count, :count] = np.linalg.cholesky(noise)
-        array[:count, count:] = picked(self._root, chosen)
+        array[:count, count:] = rows @ self._root
         array[count:, count:] = self._root
         after = _triangular(array)
         self._root = after[count:, count:]
@@ -63,10 +63,11 @@ class SquareRootCovariance:
         )
         return gain
 
-    def observed(self, chosen: tuple[Block, ...]) -> NDArray[np.float64]:
+    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""
-        rows = picked(self._root, chosen)
-        return rows @ rows.T
+        seen = rows @ self._root
+        covariance: NDArray[np.float64] = seen @ seen.T
+        return covariance
 
     def inflate(self, factor: float) -> None:
         """P⁺ = factor · P."""
