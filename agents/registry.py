@@ -12,6 +12,7 @@ from .agent import Agent
 
 ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
+    "altitude-ekf": "volery.agents.altitude_ekf:AltitudeEkf",
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
     "mhe": "volery.agents.mhe:Mhe",

@@ -57,12 +57,11 @@ class SensorNode(Agent):
     @classmethod
     def offers(cls, plan: Plan, name: str) -> Offer:
         """A frame a sample of each sensor; the largest payload is that of the sensor with the most values."""
-        rates = _sensors(plan, name)
+        rates, found = _sensors(plan, name), widths(plan, name)
         parameters: SensorNodeParameters = plan.agent(name).parameters
-        widths = {sensor: _width(plan, name, sensor) for sensor in rates}
         sizes = [
             measurements.largest_size(parameters.number(sensor), width, parameters.payload)
-            for sensor, width in widths.items()
+            for sensor, width in found.items()
             if width is not None
         ]
         return Offer(max(sizes) if len(sizes) == len(rates) > 0 else None, sum(rates.values()))
@@ -89,6 +88,17 @@ def _problem(name: str, parameters: SensorNodeParameters, rates: dict[str, Hertz
     if parameters.sensors and set(parameters.sensors) != set(rates):
         return f"sensor node {name} lists {', '.join(parameters.sensors)}, the world gives it {has}: list just those"
     return None
+
+
+def numbers(plan: Plan, name: str) -> list[tuple[str, int]]:
+    """The sensors of a node, and their numbers on the wire."""
+    parameters: SensorNodeParameters = plan.agent(name).parameters
+    return [(sensor, parameters.number(sensor)) for sensor in _sensors(plan, name)]
+
+
+def widths(plan: Plan, name: str) -> dict[str, int | None]:
+    """Sensor of a node → values in a sample, None where it sees nothing for long."""
+    return {sensor: _width(plan, name, sensor) for sensor in _sensors(plan, name)}
 
 
 def _sensors(plan: Plan, name: str) -> dict[str, Hertz]:

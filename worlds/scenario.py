@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..topologies import Position
+from .altitude_scenario import build_altitude
 from .formation_scenario import build_formation
 from .moving_scenario import build_moving
 from .plane_scenario import build_plane
@@ -28,6 +29,7 @@ class _Kind:
 _KINDS: Mapping[str, _Kind] = {
     "plane": _Kind(build_plane, needs_places=True),
     MOVING: _Kind(build_moving),
+    "altitude": _Kind(build_altitude),
     "quadrotor": _Kind(build_quadrotor),
     "rigid-body": _Kind(build_rigid_body),
     "formation": _Kind(build_formation),
