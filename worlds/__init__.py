@@ -2,9 +2,10 @@
 
 `plane` is a rigid body over flat ground with its nonlinear distances, `signals` the motions it can make, `sensors` what
 measures a distance, `calibration` the infrared sensor's curve, `motions` a world in which agents move, `altitude` a
-multirotor that goes over a `room` on a `tour` with `altitude_sensors` and their `walks`, `quadrotor` a vehicle in controlled flight, `quadrotor_sensors` what it carries, `rigid_body` a body that turns, `measurement_units`
-the accelerometers and magnetometers on it, `formation` vehicles that agents steer, made of `vehicles`, `air`, `camera`
-and `imu`, and `scenario` builds a world of any kind from a scenario's mapping.
+vehicle that goes over a `room` on a `tour` with `altitude_sensors`, `quadrotor` one in controlled flight,
+`quadrotor_sensors` what it carries, `rigid_body` a body that turns, `measurement_units` the accelerometers and
+magnetometers on it, `formation` vehicles that agents steer, made of `vehicles`, `air`, `camera` and `imu`, and
+`scenario` builds a world of any kind from a scenario's mapping.
 """
 
 from .altitude import AltitudeWorld

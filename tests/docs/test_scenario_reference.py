@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from io import StringIO
 from pathlib import Path
@@ -13,11 +13,14 @@ import pytest
 from ruamel.yaml import YAML
 
 from volery import topologies, worlds
+from volery.agents.altitude_parameters import AltitudeEkfParameters
 from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_parameters import DfaParameters
 from volery.agents.mhe_parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
+from volery.estimators.altitude_components import Barometer, Ground, Imu, RangeFinder, Robot
+from volery.estimators.modular_filter import GroundJumps
 from volery.estimators.quadrotor_model import Deviations
 from volery.experiments.link_schema import ACCESSES
 from volery.experiments.scenario import json_schema, load_scenario
@@ -29,6 +32,23 @@ TEXT = (DOCS / PAGE).read_text("utf-8")
 EXAMPLE, *FRAGMENTS = blocks(PAGE, "yaml")
 CODE = " ".join(re.findall(r"```.*?```|`[^`\n]*`", TEXT, re.DOTALL))
 IN_CODE = {*re.findall(r"[\w-]+", CODE), *re.findall(r"[\w-]+(?:\.\w+)+", CODE)}
+
+
+KINDS = (
+    AltitudeEkfParameters,
+    Barometer,
+    BeaconParameters,
+    Deviations,
+    DfaParameters,
+    Ground,
+    GroundJumps,
+    Imu,
+    MheParameters,
+    RangeFinder,
+    Robot,
+    SensorNodeParameters,
+)
+"""What kinds of agents have as parameters, and what stands in those."""
 
 
 def schema_names(node: Any) -> Iterator[str]:
@@ -52,37 +72,54 @@ def test_every_field_of_the_schema_is_explained() -> None:
     """Fields and choices of the JSON Schema, of slots, and of the module's parameters stand in the page as code."""
     names = {
         *schema_names(json_schema()),
-        *(
-            field.name
-            for kind in (BeaconParameters, Deviations, DfaParameters, MheParameters, SensorNodeParameters)
-            for field in fields(kind)
-        ),
+        *(field.name for kind in KINDS for field in fields(kind)),
     }
     names |= {*ACCESSES, *(field.name for access in ACCESSES.values() for field in fields(access))}
     assert len(names) > 50
     assert names - IN_CODE == set()
 
 
-def test_every_topology_and_world_is_explained() -> None:
-    """What the readers of `topology:` and `world:` know, by what they say when they are asked for something else."""
-    with pytest.raises(BadInput) as topology:
-        topologies.build({}, 0)
-    with pytest.raises(BadInput) as world:
-        worlds.build({"kind": "plane", "qqqq": 1}, {"1": (0.0, 0.0)}, 0)
-    with pytest.raises(BadInput) as moving:
-        worlds.build({"kind": "moving", "qqqq": 1}, {}, 0)
-    with pytest.raises(BadInput) as quadrotor:
-        worlds.build({"kind": "quadrotor", "qqqq": 1}, {}, 0)
-    with pytest.raises(BadInput) as carried:
-        worlds.build({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, {}, 0, ["a"])
-    with pytest.raises(BadInput) as body:
-        worlds.build({"kind": "rigid-body", "qqqq": 1}, {}, 0)
-    with pytest.raises(BadInput) as unit:
-        worlds.build({"kind": "rigid-body", "units": {"a": {"qqqq": 1}}}, {}, 0, ["a"])
-    asked = (topology, world, moving, quadrotor, carried, body, unit)
-    lists = [known(str(refused.value)) for refused in asked]
-    assert [len(names) for names in lists] == [14, 7, 5, 12, 9, 7, 3]
-    assert {name for names in lists for name in names} - IN_CODE == set()
+def told(build: Callable[..., Any], *asked: Any) -> list[str]:
+    """The names in the message with which a reader refuses what it is asked for."""
+    with pytest.raises(BadInput) as refused:
+        build(*asked)
+    return known(str(refused.value))
+
+
+def test_every_topology_is_explained() -> None:
+    """What the reader of `topology:` knows, by what it says when it is asked for something else."""
+    kinds = told(topologies.build, {}, 0)
+    assert len(kinds) == 14
+    assert set(kinds) - IN_CODE == set()
+
+
+FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
+
+
+@pytest.mark.parametrize(
+    ("spec", "count"),
+    [
+        ({"kind": "plane", "qqqq": 1}, 7),
+        ({"kind": "moving", "qqqq": 1}, 5),
+        ({"kind": "quadrotor", "qqqq": 1}, 12),
+        ({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, 9),
+        ({"kind": "rigid-body", "qqqq": 1}, 7),
+        ({"kind": "rigid-body", "units": {"a": {"qqqq": 1}}}, 3),
+        ({"kind": "altitude", "qqqq": 1}, 4),
+        ({"kind": "altitude", "flight": {"qqqq": 1}}, 9),
+        ({"kind": "altitude", **FLIGHT, "obstacles": [{"qqqq": {}}]}, 3),
+        ({"kind": "altitude", **FLIGHT, "obstacles": [{"table": {"qqqq": 1}}]}, 4),
+        ({"kind": "altitude", **FLIGHT, "sensors": {"a": "qqqq"}}, 3),
+        ({"kind": "altitude", **FLIGHT, "sensors": {"a": {"imu": {"qqqq": 1}}}}, 7),
+        ({"kind": "altitude", **FLIGHT, "sensors": {"a": {"barometer": {"qqqq": 1}}}}, 6),
+        ({"kind": "altitude", **FLIGHT, "sensors": {"a": {"range": {"qqqq": 1}}}}, 4),
+    ],
+)
+def test_every_world_is_explained(spec: dict[str, Any], count: int) -> None:
+    """What the readers of `world:` know, likewise."""
+    names = told(worlds.build, spec, {"1": (0.0, 0.0)}, 0, ["a"])
+    assert len(names) == count
+    assert set(names) - IN_CODE == set()
 
 
 @pytest.mark.parametrize("fragment", [{}, *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))

@@ -25,6 +25,9 @@ from volery.experiments.writing import quantity
 from .conftest import Load
 
 BUILT_IN = [
+    "altitude-lossy",
+    "altitude-obstacles",
+    "altitude-platform",
     "beacons",
     "beacons-moving",
     "dfa16",
