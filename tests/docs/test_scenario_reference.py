@@ -93,6 +93,14 @@ def test_every_topology_is_explained() -> None:
     assert set(kinds) - IN_CODE == set()
 
 
+def test_every_shape_of_a_formation_is_explained() -> None:
+    """What the reader of formations knows, likewise."""
+    shapes = told(topologies.formation, {"qqqq": 1}, 2)
+    assert len(shapes) == 9
+    assert set(shapes) - IN_CODE == set()
+
+
+START = {"start": {"line": "1 m"}}
 FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
 
 
@@ -105,6 +113,13 @@ FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
         ({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, 9),
         ({"kind": "rigid-body", "qqqq": 1}, 7),
         ({"kind": "rigid-body", "units": {"a": {"qqqq": 1}}}, 3),
+        ({"kind": "formation", "qqqq": 1}, 15),
+        ({"kind": "formation", **START, "vehicle": {"qqqq": 1}}, 9),
+        ({"kind": "formation", **START, "camera": {"qqqq": 1}}, 9),
+        ({"kind": "formation", **START, "imu": {"qqqq": 1}}, 9),
+        ({"kind": "formation", **START, "turbulence": {"qqqq": 1}}, 3),
+        ({"kind": "formation", **START, "gusts": {"qqqq": 1}}, 3),
+        ({"kind": "formation", **START, "gusts": [{"qqqq": 1}]}, 3),
         ({"kind": "altitude", "qqqq": 1}, 4),
         ({"kind": "altitude", "flight": {"qqqq": 1}}, 9),
         ({"kind": "altitude", **FLIGHT, "obstacles": [{"qqqq": {}}]}, 3),
@@ -117,7 +132,7 @@ FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
 )
 def test_every_world_is_explained(spec: dict[str, Any], count: int) -> None:
     """What the readers of `world:` know, likewise."""
-    names = told(worlds.build, spec, {"1": (0.0, 0.0)}, 0, ["a"])
+    names = told(worlds.build, spec, {"1": (0.0, 0.0)}, 0, ["a", "b"])
     assert len(names) == count
     assert set(names) - IN_CODE == set()
 
