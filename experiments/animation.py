@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..transport.links import NANOSECONDS
-from .figures import BLACK, BLUE, DARK_GREY, GREEN, GREY, PURPLE, SKY, STYLE, VERMILION, check_formats, save
+from .figures import BLACK, BLUE, DARK_GREY, GREEN, PURPLE, SKY, STYLE, VERMILION, check_formats, save
 from .plan_view import Carries, Picture, PlanView
 from .record import Record
 from .writing import quantity
@@ -134,7 +134,7 @@ class _Scene:
 
         self._view = view
         self._axes = axes = figure.subplots()
-        self._trails = LineCollection([], colors=GREY, linewidths=0.8, zorder=1)
+        self._trails = LineCollection([], colors=[(DARK_GREY, 0.35)], linewidths=0.8, zorder=1)
         self._links = {
             Carries.THROUGH: LineCollection([], colors=BLUE, linewidths=1.0, alpha=0.45, zorder=2),
             Carries.LOST: LineCollection([], colors=VERMILION, linewidths=1.0, linestyles="--", zorder=2),
@@ -143,7 +143,7 @@ class _Scene:
         self._colours = dict(zip(view.agents, _COLOURS if few else [SKY] * len(view.agents), strict=False))
         size = 26 if few else 8
         self._ellipses = {
-            agent: PolyCollection([], facecolors=colour, edgecolors=colour, alpha=0.15, linewidths=0.6, zorder=3)
+            agent: PolyCollection([], facecolors=(colour, 0.04), edgecolors=(colour, 0.5), linewidths=0.6, zorder=0.5)
             for agent, colour in self._colours.items()
         }
         self._believed = {
@@ -170,8 +170,8 @@ class _Scene:
         self._axes.set(
             xlim=(low[0] - around, high[0] + around),
             ylim=(low[1] - around, high[1] + around),
-            xlabel="x (m)",
-            ylabel="y (m)",
+            xlabel="x from the centre (m)" if self._view.follows else "x (m)",
+            ylabel="y from the centre (m)" if self._view.follows else "y (m)",
             aspect="equal",
         )
 
@@ -182,12 +182,15 @@ class _Scene:
             return Line2D([], [], label=label, **look)
 
         keys = [key("true place", marker="o", color=BLACK, ls="", ms=4)]
-        believers = [agent for agent, view in self._view.picture(self._view.last_ns).views.items() if view.places]
+        views = self._view.picture(self._view.last_ns).views
+        believers = [agent for agent, view in views.items() if view.places]
         look = {"marker": "o", "mfc": "none", "ls": "", "ms": 5}
         if len(self._colours) <= len(_COLOURS):
             keys += [key(f"as {agent} has it", mec=self._colours[agent], **look) for agent in believers]
         elif believers:
             keys.append(key(f"as agents have it ({len(believers)})", mec=SKY, **look))
+        if any(view.covariances for view in views.values()):
+            keys.append(key("two standard deviations", marker="o", mfc=(SKY, 0.05), mec=(SKY, 0.5), ls="", ms=9))
         keys.append(key(Carries.THROUGH.value, color=BLUE, alpha=0.45))
         keys.append(key(Carries.LOST.value, color=VERMILION, ls="--"))
         figure.legend(handles=keys, loc="outside lower center", ncols=3)
@@ -211,7 +214,9 @@ class _Scene:
             self._ellipses[agent].set_verts(
                 [_ellipse(places[name][:2], covariance) for name, covariance in covariances.items()]
             )
-        self._time.set_text(f"{picture.time_ns / NANOSECONDS:.1f} s")
+        x, y = (f"{each:.1f}".replace("-", "−") for each in picture.centre.tolist())
+        at = f", centre at ({x}, {y}) m" if self._view.follows else ""
+        self._time.set_text(f"{picture.time_ns / NANOSECONDS:.1f} s{at}")
         self._faults.set_text(_in_force(picture.faults))
 
 

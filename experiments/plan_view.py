@@ -28,6 +28,7 @@ POSITIONS = "positions"
 """What a coupled world calls its truth of where all agents are: a row each, in natural order."""
 _LEAST_LATELY_NS = NANOSECONDS // 2
 _FRAMES_LATELY = 3
+_LOOKS = 200
 
 
 class Carries(Enum):
@@ -40,9 +41,13 @@ class Carries(Enum):
 
 @dataclass(frozen=True)
 class Picture:
-    """One instant: `true` name → place (2,) [m]; `views` who believes → what; `links`, `down` and `faults` in force."""
+    """One instant: `true` name → place (2,) [m]; `views` who believes → what; `links`, `down` and `faults` in force.
+
+    All places are from `centre` (2,) [m], which is the origin, or that of all agents where the view follows them.
+    """
 
     time_ns: int
+    centre: Floats
     true: Mapping[str, Floats]
     views: Mapping[str, View]
     links: Mapping[LinkName, Carries]
@@ -53,6 +58,8 @@ class Picture:
 class PlanView:
     """A record, to be looked at from above at any instant.
 
+    Where the agents travel together, farther than they are ever apart, the view `follows` their centre.
+
     Raises:
         BadInput: its agents have no places.
     """
@@ -62,6 +69,9 @@ class PlanView:
         self.last_ns = record.last_ns
         self.agents = tuple(sorted((agent.name for agent in self._plan.agents), key=natural_key))
         self._place = self._places()
+        everywhere = self._positions(0, self.last_ns, _LOOKS)
+        apart, travelled = np.ptp(everywhere, axis=1).max(), np.ptp(everywhere.mean(axis=1), axis=0).max()
+        self.follows = bool(travelled > apart > 0.0)
         reports = {quantity: record.estimates(quantity) for quantity in record.quantities()}
         self._reports = {
             agent: {quantity: mine[agent] for quantity, mine in reports.items() if agent in mine}
@@ -89,41 +99,49 @@ class PlanView:
             )
         return lambda _: fixed
 
-    def extent(self, from_ns: int, until_ns: int, count: int = 200) -> tuple[Floats, Floats]:
-        """The lowest and the highest (x, y) [m] at which anybody is in a span, looked at so many times."""
+    def _positions(self, from_ns: int, until_ns: int, count: int) -> Floats:
+        """Of all agents, in natural order, at so many instants of a span, (count, N, 2) [m]."""
         times = np.linspace(from_ns, until_ns, count).astype(np.int64).tolist()
-        everywhere = np.array([list(self._place(time_ns).values()) for time_ns in times])
-        return everywhere.min(axis=(0, 1)), everywhere.max(axis=(0, 1))
+        return np.array([[places[agent] for agent in self.agents] for places in map(self._place, times)])
 
     def path(self, from_ns: int, until_ns: int, count: int = 20) -> Floats:
-        """Where all agents were in a span, (count, N, 2) [m], in natural order."""
-        times = np.linspace(max(0, from_ns), until_ns, count).astype(np.int64).tolist()
-        return np.array([[places[agent] for agent in self.agents] for places in map(self._place, times)])
+        """Where all agents were in a span, as it is seen in a picture, (count, N, 2) [m], in natural order."""
+        everywhere = self._positions(max(0, from_ns), until_ns, count)
+        return everywhere - everywhere.mean(axis=1, keepdims=True) if self.follows else everywhere
+
+    def extent(self, from_ns: int, until_ns: int) -> tuple[Floats, Floats]:
+        """The lowest and the highest (x, y) [m] at which anybody is seen in a span."""
+        seen = self.path(from_ns, until_ns, _LOOKS)
+        return seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
 
     # -- what they believe ----------------------------------------------------------------------------------------
 
-    def _view(self, agent: str, true: Mapping[str, Floats], time_ns: int) -> View | None:
-        """What an agent believes, shifted to fit what is true where it may be shifted."""
+    def _view(self, agent: str, true: Mapping[str, Floats], centre: Floats, time_ns: int) -> View | None:
+        """What an agent believes, from the centre, and shifted to fit what is true where it may be shifted."""
         latest = {}
         for quantity, series in self._reports[agent].items():
             row = int(np.searchsorted(series.time_ns, time_ns, side="right")) - 1
             if row >= 0:
                 latest[quantity] = series.value[row]
         view = find(self._plan.agent(agent).kind).view(self._plan, latest) if latest else None
-        if view is None or not view.relative:
-            return view
-        known = [name for name in view.places if name in true]
-        shift = np.mean([true[name] - view.places[name][:2] for name in known], axis=0) if known else np.zeros(2)
+        if view is None:
+            return None
+        shift = -centre
+        if view.relative:
+            shift = np.mean([true[name] - view.places[name][:2] for name in view.places if name in true], axis=0)
         return View({name: place[:2] + shift for name, place in view.places.items()}, view.covariances)
 
     # -- all of it ------------------------------------------------------------------------------------------------
 
     def picture(self, time_ns: int) -> Picture:
         """What is to be seen at an instant [ns]."""
-        true, down = self._place(time_ns), frozenset(self._down(time_ns))
-        views = {agent: self._view(agent, true, time_ns) for agent in self.agents if agent not in down}
+        places, down = self._place(time_ns), frozenset(self._down(time_ns))
+        centre = np.mean(list(places.values()), axis=0) if self.follows else np.zeros(2)
+        true = {agent: place - centre for agent, place in places.items()}
+        views = {agent: self._view(agent, true, centre, time_ns) for agent in self.agents if agent not in down}
         return Picture(
             time_ns,
+            centre,
             true,
             {agent: view for agent, view in views.items() if view is not None},
             {

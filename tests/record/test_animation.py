@@ -134,6 +134,25 @@ def test_agents_without_places_are_not_to_be_seen(record_of: Make) -> None:
         PlanView(record_of())
 
 
+def test_view_follows_agents_that_travel_together(plan_of: Make, twin_run: Make) -> None:
+    """Side by side over 100 m: at half time they are 1 m to either side of their centre, and so are their beliefs."""
+    paths = Paths({name: ((0, (0.0, y)), (1000 * MS, (100.0, y))) for name, y in (("1", 0.0), ("2", 2.0))})
+    record = twin_run(replace(plan_of([("1", "2")], kind=Surveyor), world=MovingWorld(paths, 7)))
+    view = PlanView(record)
+    picture = view.picture(500 * MS)
+    assert view.follows
+    assert near(picture.centre, (50.0, 1.0))
+    assert near(picture.true["1"], (0.0, -1.0))
+    assert near(picture.views["2"].places["1"], (0.5 - 50.0, 1.0 - 1.0))
+    low, high = view.extent(0, 1000 * MS)
+    assert near(low, (0.0, -1.0))
+    assert near(high, (0.0, 1.0))
+    figure = Figure()
+    draw_picture(figure, view, picture)
+    assert figure.axes[0].get_xlabel() == "x from the centre (m)"
+    assert "0.5 s, centre at (50.0, 1.0) m" in {text.get_text() for text in figure.axes[0].texts}
+
+
 @pytest.fixture
 def placed(record_of: Make, sent: Make, heard: Make) -> Record:
     """Agents 5 m apart; 1 → 2: delivered at 105 ms, lost at 605 ms; cut from 900 ms on."""
@@ -191,6 +210,7 @@ def test_picture_has_everything_in_its_place(surveyed: Make) -> None:
         "true place",
         "as 1 has it",
         "as 2 has it",
+        "two standard deviations",
         "frames get through",
         "cut, or all frames lost",
     ]
