@@ -81,6 +81,10 @@ class Context(Protocol):
         """Its place on the body in metres, where the topology has places."""
 
     @property
+    def briefing(self) -> Any:
+        """What its class's `briefing` tells this agent before the start; None if nothing."""
+
+    @property
     def now_ns(self) -> int:
         """What its own clock shows for the event in hand, in nanoseconds, or later where that had to wait.
 
@@ -254,6 +258,11 @@ class Agent:
         """Take up what `save` gave in the life before; called after `start`, which has set timers anew."""
 
     @classmethod
+    def briefing(cls, plan: Plan, name: str) -> Any:
+        """What an agent of this name is told before the start, worked out from the whole plan, such as weights."""
+        return None
+
+    @classmethod
     def keeps_state(cls) -> bool:
         """Whether a death can leave its state to the next life."""
         return cls.save is not Agent.save
@@ -322,7 +331,8 @@ class Agent:
 
         Vectors are subtracted. Override it for what is not one, such as attitudes; NaN stays NaN.
         """
-        return np.asarray(estimate - reference)
+        with np.errstate(invalid="ignore"):  # of two that have diverged to infinity there is no difference
+            return np.asarray(estimate - reference)
 
     @classmethod
     def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:

@@ -64,6 +64,11 @@ class NodeContext:
         return self._me.position
 
     @property
+    def briefing(self) -> Any:
+        """What its class has for it before the start."""
+        return find(self._me.kind).briefing(self.plan, self.name)
+
+    @property
     def now_ns(self) -> int:
         """What its own clock shows for the event in hand, or later where that had to wait."""
         return self._node.clock.reading(self._node.now_ns)

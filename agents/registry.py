@@ -16,6 +16,7 @@ _BUILT_IN = {
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
     "mhe": "volery.agents.mhe:Mhe",
+    "tracker": "volery.agents.tracker:Tracker",
     "sensor-node": "volery.agents.sensor_node:SensorNode",
 }
 _BESIDE = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}

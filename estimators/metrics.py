@@ -57,14 +57,15 @@ def disagreement(estimates: ArrayLike) -> NDArray[np.float64]:
     Args:
         estimates: shape (…, N, n); agents without an estimate are left out.
     Returns:
-        Shape (…), NaN where fewer than two agents have an estimate.
+        Shape (…), NaN where fewer than two agents have an estimate, or one is infinite.
     """
     values = np.asarray(estimates, dtype=np.float64)
     present = ~np.isnan(values).any(axis=-1, keepdims=True)
     count = present.sum(axis=(-2, -1))
     divisor = np.where(count > 1, count, 1)
     mean = np.where(present, values, 0.0).sum(axis=-2) / divisor[..., np.newaxis]
-    square = (np.where(present, values - mean[..., np.newaxis, :], 0.0) ** 2).sum(axis=(-2, -1))
+    with np.errstate(invalid="ignore"):  # an estimate that has diverged to infinity has no distance to a mean
+        square = (np.where(present, values - mean[..., np.newaxis, :], 0.0) ** 2).sum(axis=(-2, -1))
     return np.where(count > 1, np.sqrt(square / divisor), np.nan)
 
 

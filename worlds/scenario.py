@@ -13,6 +13,7 @@ from .moving_scenario import build_moving
 from .plane_scenario import build_plane
 from .quadrotor_scenario import build_quadrotor
 from .rigid_body_scenario import build_rigid_body
+from .target_scenario import build_target
 from .written import choice, required
 
 MOVING = "moving"
@@ -33,6 +34,7 @@ _KINDS: Mapping[str, _Kind] = {
     "quadrotor": _Kind(build_quadrotor),
     "rigid-body": _Kind(build_rigid_body),
     "formation": _Kind(build_formation),
+    "target": _Kind(build_target),
 }
 
 

@@ -36,6 +36,7 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "m/s": {"mm/s": Fraction(1, 1000), "m/s": Fraction(1), "km/h": Fraction(1000, 3600)},
     "m/s²": {"mm/s²": Fraction(1, 1000), "m/s²": Fraction(1), "m/s2": Fraction(1)},
     "m/√s": {"mm/√s": Fraction(1, 1000), "cm/√s": Fraction(1, 100), "m/√s": Fraction(1), "m/sqrt(s)": Fraction(1)},
+    "m/s/√s": {"m/s/√s": Fraction(1), "m/s/sqrt(s)": Fraction(1)},
     "m/s²/√s": {"m/s²/√s": Fraction(1), "m/s2/sqrt(s)": Fraction(1)},
     "rad/s": {"rad/s": Fraction(1), "mrad/s": Fraction(1, 1000), "deg/s": _DEGREE},
     "rad/s/√s": {"rad/s/√s": Fraction(1), "deg/s/√s": _DEGREE, "rad/s/sqrt(s)": Fraction(1)},
@@ -103,6 +104,7 @@ Metres = Annotated[float, Unit("m")]
 MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
 MetresPerRootSecond = Annotated[float, Unit("m/√s")]
+MetresPerSecondPerRootSecond = Annotated[float, Unit("m/s/√s")]
 MetresPerSecondSquaredPerRootSecond = Annotated[float, Unit("m/s²/√s")]
 Radians = Annotated[float, Unit("rad")]
 RadiansPerSecond = Annotated[float, Unit("rad/s")]

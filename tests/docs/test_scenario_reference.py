@@ -18,6 +18,7 @@ from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_parameters import DfaParameters
 from volery.agents.mhe_parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
+from volery.agents.tracker import TrackerParameters
 from volery.errors import BadInput
 from volery.estimators.altitude_components import Barometer, Ground, Imu, RangeFinder, Robot
 from volery.estimators.modular_filter import GroundJumps
@@ -47,6 +48,7 @@ KINDS = (
     RangeFinder,
     Robot,
     SensorNodeParameters,
+    TrackerParameters,
 )
 """What kinds of agents have as parameters, and what stands in those."""
 
@@ -111,6 +113,7 @@ FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
         ({"kind": "moving", "qqqq": 1}, 5),
         ({"kind": "quadrotor", "qqqq": 1}, 12),
         ({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, 9),
+        ({"kind": "target", "qqqq": 1}, 7),
         ({"kind": "rigid-body", "qqqq": 1}, 7),
         ({"kind": "rigid-body", "units": {"a": {"qqqq": 1}}}, 3),
         ({"kind": "formation", "qqqq": 1}, 15),

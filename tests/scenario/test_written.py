@@ -37,7 +37,13 @@ BUILT_IN = [
     "dfa4",
     "dfa8-random",
     "dfa-sizes",
+    "mhe-altitude",
+    "mhe-lossy",
+    "mhe-pitch",
+    "mhe-roll",
+    "mhe-yaw",
     "radio-csma",
+    "tracker",
 ]
 
 
