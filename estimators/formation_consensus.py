@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -47,8 +48,16 @@ class ConsensusSettings:
                 raise BadInput(f"{what} is {value:g}: give a finite number above 0")
 
     def noise(self, count: int) -> NDArray[np.float64]:
-        """N, the covariance of what is told of so many pairs, shape (6 count, 6 count) [m², m²/s²]."""
-        return np.diag(np.tile(np.repeat([self.position_noise**2, self.velocity_noise**2], 3), count))
+        """N, the covariance of what is told of so many pairs, shape (6 count, 6 count) [m², m²/s²], read only."""
+        return _noise(self, count)
+
+
+@lru_cache(maxsize=64)
+def _noise(settings: ConsensusSettings, count: int) -> NDArray[np.float64]:
+    variances = np.repeat([settings.position_noise**2, settings.velocity_noise**2], 3)
+    noise = np.diag(np.tile(variances, count))
+    noise.setflags(write=False)
+    return noise
 
 
 @dataclass

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
-from .checks import as_array
 from .formation_model import NANOSECOND, FormationModel
 
 
@@ -70,10 +69,18 @@ def control(gain: ArrayLike, state: ArrayLike, reference: ArrayLike) -> NDArray[
     Raises:
         BadInput: a reference or a state of another length.
     """
-    matrix = np.asarray(gain)
+    matrix = np.asarray(gain, dtype=np.float64)
+    given, wanted = np.asarray(state, dtype=np.float64), np.asarray(reference, dtype=np.float64)
     size = matrix.shape[1]
-    wanted = as_array(reference, (size,), f"reference of {matrix.shape[0] // 3} vehicles")
-    return (matrix @ (wanted - as_array(state, (size,), "state of a formation"))).reshape(-1, 3)
+    if wanted.shape != (size,) or given.shape != (size,):
+        raise BadInput(
+            f"a reference of shape {wanted.shape} and a state of shape {given.shape} for {len(matrix) // 3} vehicles: "
+            f"give ({size},), position and velocity of each relative to the next"
+        )
+    forces: NDArray[np.float64] = matrix.dot(wanted - given).reshape(-1, 3)
+    if not np.isfinite(forces).all():
+        raise BadInput(f"a reference or a state is not finite: {wanted.tolist()}, {given.tolist()}")
+    return forces
 
 
 @lru_cache(maxsize=16)

@@ -23,6 +23,9 @@ LONGEST_STEP_NS = 250_000_000
 """Default bound of a step: with forces held for more than 277 ms, the loop of the default regulator diverges."""
 
 
+_ALIKE = np.eye(3)
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """Relative positions of one or several pairs, or positions and velocities, with their noise.
@@ -66,13 +69,15 @@ def sighting(first: int, second: int, position: ArrayLike, deviation: ArrayLike)
     Raises:
         BadInput: wrong shape, not finite, or not positive.
     """
+    place = np.array(position, dtype=np.float64)
+    if place.shape != (3,):
+        raise BadInput(f"position of a sighting has shape {place.shape}: give (3,)")
     noise = np.asarray(deviation, dtype=np.float64)
-    if noise.ndim == 0:
-        if not noise > 0:
-            raise BadInput(f"the deviation of a sighting is {noise:g} m: give a number above 0")
-        noise = np.eye(3) * noise**2
-    covariance = checked_covariance(noise, 3, "covariance of a sighting")
-    return Observation(((first, second),), as_array(position, (3,), "position of a sighting"), covariance)
+    if noise.ndim:
+        return Observation(((first, second),), place, checked_covariance(noise, 3, "covariance of a sighting"))
+    if not noise > 0:
+        raise BadInput(f"the deviation of a sighting is {noise:g} m: give a number above 0")
+    return Observation(((first, second),), place, _ALIKE * (noise * noise))
 
 
 class FormationFilter:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +42,10 @@ class PairMessage:
         """The one pair that is told."""
         return ((self.sender, self.seen),)
 
+    def relative(self, vehicles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of quantities of all vehicles, shape (k, N, 3), the difference that is told, shape (k, 3)."""
+        return vehicles[:, self.sender] - vehicles[:, self.seen]
+
 
 @dataclass(frozen=True)
 class FullMessage:
@@ -63,6 +67,10 @@ class FullMessage:
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Every vehicle and the next."""
         return tuple((i, i + 1) for i in range(len(self.values) // 6))
+
+    def relative(self, vehicles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of quantities of all vehicles, shape (k, N, 3), the differences that are told, shape (k, 3(N−1))."""
+        return (vehicles[:, :-1] - vehicles[:, 1:]).reshape(len(vehicles), -1)
 
 
 Message = PairMessage | FullMessage
@@ -94,12 +102,11 @@ class History:
     """
 
     def __init__(self, model: FormationModel, time_ns: int, span_ns: int) -> None:
-        self._model, self._span_ns = model, span_ns
+        self._mass_kg, self._span_ns = model.mass_kg, span_ns
         self._times: deque[int] = deque([time_ns])
-        nothing = np.zeros((model.vehicles, 3))
-        self._accelerations: deque[NDArray[np.float64]] = deque()  # from each instant to the next
-        self._velocities: deque[NDArray[np.float64]] = deque([nothing])  # what the forces added since the beginning
-        self._places: deque[NDArray[np.float64]] = deque([nothing])
+        # Of each instant, shape (3, N, 3): what forces had added to positions and velocities since the beginning,
+        # and the accelerations from then to the next instant.
+        self._added: deque[NDArray[np.float64]] = deque([np.zeros((3, model.vehicles, 3))])
 
     @property
     def now_ns(self) -> int:
@@ -113,31 +120,35 @@ class History:
 
     def record(self, time_ns: int, forces: NDArray[np.float64]) -> None:
         """Note that these forces, shape (N, 3) [N], were held since the last instant until this one."""
-        held_s = (time_ns - self._times[-1]) * NANOSECOND
-        acceleration = forces / self._model.mass_kg
-        velocity, place = self._velocities[-1], self._places[-1]
+        last = self._added[-1]
+        np.divide(forces, self._mass_kg, out=last[2])
+        grown = np.dot(_held((time_ns - self._times[-1]) * NANOSECOND), last.reshape(3, -1))
         self._times.append(time_ns)
-        self._accelerations.append(acceleration)
-        self._velocities.append(velocity + held_s * acceleration)
-        self._places.append(place + held_s * velocity + held_s**2 / 2 * acceleration)
+        self._added.append(grown.reshape(last.shape))
         while len(self._times) > 2 and self._times[1] <= time_ns - self._span_ns:
-            for held in (self._times, self._accelerations, self._velocities, self._places):
-                held.popleft()
+            self._times.popleft()
+            self._added.popleft()
 
-    def moved(self, since_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the forces have added since an instant to positions and velocities, each shape (N, 3) [m], [m/s].
+    def added(self, message: Message) -> NDArray[np.float64]:
+        """What the forces have added to the pairs of a message since its instant, shape (2, 3m) [m, m/s].
 
-        Exact for forces that are held from each instant of the record to the next; `since_ns` lies within it.
+        Exact for forces that are held from each instant of the record to the next; the message lies within it.
         """
-        if since_ns >= self._times[-1]:
-            return np.zeros_like(self._places[-1]), np.zeros_like(self._places[-1])
-        at = bisect_right(self._times, since_ns) - 1
-        into_s = (since_ns - self._times[at]) * NANOSECOND
-        acceleration = self._accelerations[at]
-        velocity = self._velocities[at] + into_s * acceleration
-        place = self._places[at] + into_s * self._velocities[at] + into_s**2 / 2 * acceleration
-        age_s = (self._times[-1] - since_ns) * NANOSECOND
-        return self._places[-1] - place - age_s * velocity, self._velocities[-1] - velocity
+        if message.time_ns >= self._times[-1]:
+            return np.zeros((2, len(message.values) // 2))
+        at = bisect_right(self._times, message.time_ns) - 1
+        into_s = (message.time_ns - self._times[at]) * NANOSECOND
+        age_s = (self._times[-1] - message.time_ns) * NANOSECOND
+        then = np.dot(_held(into_s)[:2], message.relative(self._added[at]))
+        now: NDArray[np.float64] = message.relative(self._added[-1])[:2] - then
+        now[0] -= age_s * then[1]
+        return now
+
+
+@lru_cache(maxsize=256)
+def _held(seconds: float) -> NDArray[np.float64]:
+    """(positions, velocities, accelerations) after so long under these accelerations; none are known thereafter."""
+    return np.array([[1.0, seconds, seconds**2 / 2], [0.0, 1.0, seconds], [0.0, 0.0, 0.0]])
 
 
 def run_forward(
@@ -155,25 +166,13 @@ def run_forward(
         covariance: N, of the message's values at its instant, shape (6m, 6m).
     """
     age_ns = history.now_ns - message.time_ns
-    places, velocities = history.moved(message.time_ns)
-    told = message.values.reshape(-1, 2, 3)
-    first, second = (list(side) for side in zip(*message.pairs, strict=True))
-    now = np.empty_like(told)
-    now[:, 0] = told[:, 0] + age_ns * NANOSECOND * told[:, 1] + places[first] - places[second]
-    now[:, 1] = told[:, 1] + velocities[first] - velocities[second]
+    now = history.added(message)
+    told = message.values.reshape(-1, 2, 3).swapaxes(0, 1).reshape(2, -1)
+    now += told
+    now[0] += age_ns * NANOSECOND * told[1]
     stale_s = (age_ns + message.unseen_ns) * NANOSECOND
-    spread = covariance.reshape(len(told), 2, 3, -1).copy()
-    spread[:, 0] += stale_s * spread[:, 1]
-    spread = spread.reshape(len(covariance), len(told), 2, 3)
-    spread[:, :, 0] += stale_s * spread[:, :, 1]
-    noise = spread.reshape(covariance.shape) + _unknown(model, len(told), stale_s)
-    return Observation(message.pairs, now.ravel(), (noise + noise.T) / 2)
-
-
-def _unknown(model: FormationModel, count: int, duration_s: float) -> NDArray[np.float64]:
-    """Process noise of one pair, or of all of a chain."""
-    if count == model.vehicles - 1:
-        return model.process_noise(duration_s)
-    position, cross, velocity = model.noise_of(duration_s)
-    shared: NDArray[Any] = np.kron([[2 * position, 2 * cross], [2 * cross, 2 * velocity]], np.eye(3))
-    return shared
+    told_of = model if isinstance(message, FullMessage) else model.pair
+    transition = told_of.transition(stale_s)
+    noise = transition.dot(covariance).dot(transition.T)
+    noise += told_of.process_noise(stale_s)
+    return Observation(message.pairs, now.reshape(2, -1, 3).swapaxes(0, 1).ravel(), noise)

@@ -9,7 +9,7 @@ halves, and a pair is a sum over neighbouring rows. Nobody but the filters sees 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -109,14 +109,29 @@ class FormationModel:
         position = steps**3 / 4 if steps <= 1 else steps**3 / 3 - steps / 12
         return scale * step_s**2 * position, scale * step_s * steps**2 / 2, scale * steps
 
+    @cached_property
+    def pair(self) -> FormationModel:
+        """The model of two of the vehicles: that of what is told of a pair."""
+        return replace(self, vehicles=2)
+
+    @cached_property
+    def _coupling(self) -> NDArray[np.float64]:
+        coupling: NDArray[Any] = np.kron(np.eye(self.vehicles - 1), np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(3)))
+        return coupling
+
+    @cached_property
+    def _noise_parts(self) -> tuple[NDArray[np.float64], ...]:
+        shared = _incidence(self.vehicles) @ _incidence(self.vehicles).T
+        parts = ([[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]])
+        return tuple(np.kron(np.kron(shared, part), np.eye(3)) for part in parts)
+
     def step(self, duration_ns: int) -> Step:
         """What a step of this duration does; steps that were asked for lately are kept."""
         return _step(self, duration_ns)
 
     def transition(self, duration_s: float) -> NDArray[np.float64]:
         """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do without."""
-        block = np.kron([[1.0, duration_s], [0.0, 1.0]], np.eye(3))
-        return np.kron(np.eye(self.vehicles - 1), block)
+        return np.eye(self.size) + duration_s * self._coupling
 
     def input_map(self, duration_s: float) -> NDArray[np.float64]:
         """B of Nägeli 2014, Sec. II-B, dense, (6(N−1), 3N) [m/N, m/(N·s)]; its rows sum to zero over the vehicles."""
@@ -125,8 +140,9 @@ class FormationModel:
 
     def process_noise(self, duration_s: float) -> NDArray[np.float64]:
         """Q, dense, block tridiagonal, shape (6(N−1), 6(N−1)) [m², m²/s, m²/s²]."""
-        root = self.noise_root(duration_s)
-        return root @ root.T
+        position, cross, velocity = self.noise_of(duration_s)
+        on_position, on_both, on_velocity = self._noise_parts
+        return position * on_position + cross * on_both + velocity * on_velocity
 
     def noise_root(self, duration_s: float) -> NDArray[np.float64]:
         """G with G Gᵀ = Q: what each vehicle's own two noises do to the state, shape (6(N−1), 6N) [m, m/s]."""
