@@ -8,7 +8,7 @@ the neighbourhood estimate, `information` information pairs, `consensus` their M
 stop being near what is predicted of them.
 
 The formation of MAVs is imported by module, as it needs more of scipy than other agents want in memory:
-`formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_covariance` or
+`formation_model` the dynamics, `formation_filter` the Kalman filter over `formation_joseph` or
 `formation_square_root`, `formation_consensus` the distributed one with `formation_messages` and
 `formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So are their
 frames: `inertial_frame` filters the attitude of one vehicle, `so3_consensus` is the law by which several agree on one

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
+from .formation_covariance import check_positive
 from .formation_filter import FormationFilter, Observation
 from .formation_intersection import Weighting, intersect
 from .formation_messages import FullMessage, History, Message, PairMessage, run_forward
@@ -143,6 +144,8 @@ class ConsensusFilter:
             )
         if self.settings.fusion == "intersection" and message.covariance is None:
             raise BadInput("covariance intersection needs messages with a covariance or a bound of it: send one along")
+        if message.covariance is not None:
+            check_positive(message.covariance, f"covariance of a message of {message.sender}")
         self._waiting.append(message)
 
     def update(self, sightings: Sequence[Observation]) -> None:

@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import daxpy
 
 from ..errors import BadInput
 from .checks import as_array
-from .formation_covariance import JosephCovariance, check_positive, checked_covariance
+from .formation_covariance import checked_covariance
+from .formation_joseph import JosephBelief
 from .formation_model import FormationModel, Pair, rows
-from .formation_square_root import SquareRootCovariance
+from .formation_square_root import SquareRootBelief
 
 Form = Literal["joseph", "square-root"]
 
@@ -41,16 +41,13 @@ class Observation:
     covariance: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        """Check shapes and signs."""
+        """Check shapes; what the numbers are is checked in the update."""
         size, least = len(self.values), 3 * len(self.pairs)
         if (size != least and size != 2 * least) or self.covariance.shape != (size, size):
             raise BadInput(
                 f"{size} values with a covariance of shape {self.covariance.shape} for {len(self.pairs)} pairs: give 3 "
                 f"values a pair, or 6 with velocities, and a row and a column of covariance for each"
             )
-        if not math.isfinite(self.values.dot(self.values)):
-            raise BadInput(f"an observation of {self.pairs} is not finite: {self.values.tolist()}")
-        check_positive(self.covariance, "covariance of an observation")
 
     @property
     def velocities(self) -> bool:
@@ -108,26 +105,25 @@ class FormationFilter:
         self.model = model
         self.time_ns = time_ns
         self._longest_step_ns = longest_step_ns
-        self._state = as_array(state, (model.size,), "state of a formation")[model.split_order]
-        self._places, self._speeds = np.split(self._state, 2)
-        kind = JosephCovariance if form == "joseph" else SquareRootCovariance
-        self.spread: JosephCovariance | SquareRootCovariance = kind(_initial(model, covariance))
+        kind = JosephBelief if form == "joseph" else SquareRootBelief
+        first = as_array(state, (model.size,), "state of a formation")[model.split_order]
+        self.belief: JosephBelief | SquareRootBelief = kind(first, _initial(model, covariance))
 
     @property
     def state(self) -> NDArray[np.float64]:
         """x̂ in the paper's order, shape (6(N−1),) [m, m/s]."""
-        return self._state[self.model.paper_order]
+        return self.belief.state[self.model.paper_order]
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """P in the paper's order, symmetric, shape (6(N−1), 6(N−1))."""
         order = self.model.paper_order
-        return self.spread.matrix[np.ix_(order, order)]
+        return self.belief.covariance[np.ix_(order, order)]
 
     def pair(self, first: int, second: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Estimate of p_first − p_second and v_first − v_second, shape (6,) [m, m/s]; its covariance, (6, 6)."""
         seen = rows(self.model.vehicles, ((first, second),), True)
-        return seen @ self._state, self.spread.observed(seen)
+        return seen @ self.belief.state, self.belief.observed(seen)
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
         """Move on to an instant under forces that are held until then.
@@ -149,10 +145,7 @@ class FormationFilter:
         inputs = np.asarray(forces, dtype=np.float64).reshape(-1)
         if len(inputs) != 3 * self.model.vehicles or not math.isfinite(inputs.dot(inputs)):
             raise BadInput(f"forces {inputs.tolist()}: give 3 finite ones for each of {self.model.vehicles} vehicles")
-        step = self.model.step(duration_ns)
-        daxpy(self._speeds, self._places, self._places.size, step.duration_s)
-        self._state += step.input_map.dot(inputs)
-        self.spread.predict(step)
+        self.belief.predict(self.model.step(duration_ns), inputs)
         self.time_ns = time_ns
 
     def update(self, observations: Sequence[Observation]) -> None:
@@ -163,20 +156,22 @@ class FormationFilter:
         observations are taken as independent.
 
         Raises:
-            BadInput: a pair of vehicles that do not exist; nothing is changed then.
+            BadInput: a pair of vehicles that do not exist, values that are not finite, or a covariance that is not
+                positive definite; nothing is changed then.
         """
         if not observations:
             return
         seen, values, noise = _stacked(self.model, observations)
-        innovation = values - seen.dot(self._state)
-        self._state += self.spread.update(seen, noise).T.dot(innovation)
+        if not math.isfinite(values.dot(values)):
+            raise BadInput(f"an observation is not finite: {values.tolist()}")
+        self.belief.update(seen, values, noise)
 
 
 def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64]:
     """P at the beginning, in split order."""
     given = np.asarray(covariance, dtype=np.float64)
     if given.shape == (2,):
-        return np.diag(np.repeat(given * np.abs(given), model.size // 2))
+        given = np.diag(np.tile(np.repeat(given * np.abs(given), 3), model.vehicles - 1))
     checked = checked_covariance(given, model.size, "covariance of a formation")
     return checked[np.ix_(model.split_order, model.split_order)]
 

@@ -33,11 +33,11 @@ def intersect(own: FormationFilter, told: Observation, weighting: Weighting = "o
     Returns:
         ω in (0, 1]; 1 if the message was of no use.
     """
-    seen = own.spread.observed(rows(own.model.vehicles, told.pairs, told.velocities))
+    seen = own.belief.observed(rows(own.model.vehicles, told.pairs, told.velocities))
     weigh = optimal_weight if weighting == "optimal" else fast_weight
     weight = weigh(seen, told.covariance, own.model.size)
     if weight < 1.0:
-        own.spread.inflate(1.0 / weight)
+        own.belief.inflate(1.0 / weight)
         own.update((Observation(told.pairs, told.values, told.covariance / (1.0 - weight)),))
     return weight
 

@@ -1,6 +1,6 @@
-"""Covariance of a formation's state in square-root form: twice the digits, at a cost of O(N³) per step.
+"""What a vehicle believes of a formation, with the covariance as its root: twice the digits, at O(N³) a step.
 
-For covariances so wide apart that the Joseph form loses its sign: a radius of kilometres beside one of micrometres.
+For covariances so wide apart that a matrix cannot hold them: kilometres beside micrometres in one formation.
 """
 
 from __future__ import annotations
@@ -8,60 +8,64 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from .formation_covariance import checked_covariance
+from .formation_covariance import check_positive
 from .formation_model import Step
 
 
-class SquareRootCovariance:
-    """P = S Sᵀ, kept as its lower triangular root S.
+class SquareRootBelief:
+    """x̂ and P = S Sᵀ, the latter as its lower triangular root S.
+
+    state: x̂, split order, shape (6n,) [m, m/s].
 
     Args:
-        matrix: P, symmetric positive definite, split order, shape (6n, 6n).
-    Raises:
-        BadInput: wrong shape, not finite, or not positive definite.
+        state: a fresh array.
+        covariance: P, symmetric positive definite, split order, shape (6n, 6n).
     """
 
-    def __init__(self, matrix: ArrayLike) -> None:
-        self._root: NDArray[Any] = np.linalg.cholesky(checked_covariance(matrix, None, "covariance of a formation"))
+    def __init__(self, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        self.state = state
+        self._root: NDArray[Any] = np.linalg.cholesky(covariance)
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def covariance(self) -> NDArray[np.float64]:
         """P, symmetric, split order."""
         product: NDArray[np.float64] = self._root @ self._root.T
         return product
 
-    def predict(self, step: Step) -> None:
+    def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
         """[S⁺ 0] = [A S, Q^½] Θ with Θ orthogonal            Kaminski, Bryson and Schmidt 1971."""
-        half = len(self._root) // 2
+        half = len(self.state) // 2
+        self.state[:half] += step.duration_s * self.state[half:]
+        self.state += step.input_map.dot(inputs)
         moved = self._root.copy()
         moved[:half] += step.duration_s * self._root[half:]
         self._root = _triangular(np.hstack([moved, step.noise_root]))
 
-    def update(self, rows: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The gain of a measurement, and the covariance after it.
+    def update(self, rows: NDArray[np.float64], values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
+        """A measurement z = H x + noise.
 
-        [[E, 0], [G, S⁺]] = [[R^½, H S], [0, S]] Θ,  L = G E⁻¹            Kaminski, Bryson and Schmidt 1971
+        [[E, 0], [G, S⁺]] = [[R^½, H S], [0, S]] Θ,  x̂⁺ = x̂ + G E⁻¹ (z − H x̂)            Kaminski, Bryson, Schmidt 1971
 
         Args:
             rows: H, shape (k, 6n).
-            noise: R, symmetric positive definite, shape (k, k).
-        Returns:
-            Lᵀ, shape (k, 6n).
+            values: z, shape (k,).
+            noise: R, symmetric, shape (k, k).
+        Raises:
+            BadInput: R is not positive definite; nothing is changed then.
         """
+        check_positive(noise, "covariance of an observation")
         count, size = len(noise), len(self._root)
         array = np.zeros((count + size, count + size))
         array[:count, :count] = np.linalg.cholesky(noise)
         array[:count, count:] = rows @ self._root
         array[count:, count:] = self._root
         after = _triangular(array)
+        innovation = solve_triangular(after[:count, :count], values - rows.dot(self.state), lower=True)
+        self.state += after[count:, :count].dot(innovation)
         self._root = after[count:, count:]
-        gain: NDArray[np.float64] = solve_triangular(
-            after[:count, :count], after[count:, :count].T, trans="T", lower=True
-        )
-        return gain
 
     def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""

@@ -296,6 +296,8 @@ def test_messages_that_do_not_fit_are_refused() -> None:
         one.receive(FullMessage(0, 0, np.zeros(6)))
     with pytest.raises(BadInput, match="a bound"):
         fresh(ConsensusSettings(fusion="intersection")).receive(told(0))
+    with pytest.raises(BadInput, match="positive definite"):
+        one.receive(PairMessage(1, 2, 0, np.zeros(6), covariance=np.zeros((6, 6))))
     for fields in ({"position_noise": 0.0}, {"velocity_noise": -1.0}, {"history_ns": 0}):
         with pytest.raises(BadInput, match="above 0"):
             ConsensusSettings(**fields)

@@ -195,18 +195,21 @@ def test_bad_models_and_observations_are_refused_with_what_would_do() -> None:
     lopsided[0, 1] = 0.5
     with pytest.raises(BadInput, match="not symmetric"):
         FormationFilter(model, np.zeros(12), lopsided)
-    with pytest.raises(BadInput, match="positive definite"):
-        Observation(((0, 1),), np.zeros(3), np.diag([1.0, 1.0, 0.0]))
-    with pytest.raises(BadInput, match="not finite"):
-        Observation(((0, 1),), np.array([0.0, np.nan, 0.0]), np.eye(3))
     with pytest.raises(BadInput, match="3 values a pair"):
         Observation(((0, 1),), np.zeros(4), np.eye(4))
     with pytest.raises(BadInput, match="above 0"):
         sighting(0, 1, np.zeros(3), 0.0)
-    own = FormationFilter(model, np.zeros(12))
-    for pair in ((0, 3), (-1, 0), (1, 1)):
-        with pytest.raises(BadInput, match="no pair here"):
-            own.update([sighting(*pair, np.zeros(3), 0.1)])
+    for form in FORMS:
+        own = FormationFilter(model, np.zeros(12), form=form)
+        for pair in ((0, 3), (-1, 0), (1, 1)):
+            with pytest.raises(BadInput, match="no pair here"):
+                own.update([sighting(*pair, np.zeros(3), 0.1)])
+        with pytest.raises(BadInput, match="positive definite"):
+            own.update([Observation(((0, 1),), np.ones(3), np.diag([1.0, 1.0, 0.0]))])
+        with pytest.raises(BadInput, match="not finite"):
+            own.update([Observation(((0, 1),), np.array([0.0, np.nan, 0.0]), np.eye(3))])
+        np.testing.assert_array_equal(own.state, np.zeros(12))
+        np.testing.assert_array_equal(own.covariance, np.eye(12))
 
 
 def test_a_step_that_does_not_go_forward_or_goes_too_far_is_refused_and_changes_nothing() -> None:
