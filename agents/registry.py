@@ -14,6 +14,7 @@ ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
     "altitude-ekf": "volery.agents.altitude_ekf:AltitudeEkf",
     "beacon": "volery.agents.beacon:Beacon",
+    "dfa-kalman": "volery.agents.dfa_kalman:DfaKalman",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
     "mhe": "volery.agents.mhe:Mhe",
     "tracker": "volery.agents.tracker:Tracker",

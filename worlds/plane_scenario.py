@@ -12,7 +12,7 @@ from .sensors import DistanceSensor, GaussianDistance, Infrared
 from .written import at, check_keys, choice, quantity, required
 from .written_signals import signal
 
-_KEYS = ("kind", "altitude", "roll", "pitch", "rate", "distance_noise", "sensor")
+_KEYS = ("kind", "altitude", "roll", "pitch", "rate", "distance_noise", "sensor", "gyroscope")
 
 
 def build_plane(
@@ -22,6 +22,7 @@ def build_plane(
 
     `altitude` is needed; `roll` and `pitch` default to 0, `rate` to 20 Hz. The sensor is Gaussian with
     `distance_noise`, by default 5 mm, or `sensor: {infrared: {noise: 10 mV}}`. For signals see `written_signals`.
+    `gyroscope: {noise: 1 deg/s}` gives every module rate gyros too, none unless given.
 
     Args:
         spec: the mapping, quantities as text with units.
@@ -36,8 +37,19 @@ def build_plane(
     pitch = signal(spec.get("pitch", 0), "rad", "world.pitch")
     sensor = _sensor(spec)
     rate = quantity(spec.get("rate", "20 Hz"), "Hz", "world.rate")
+    gyroscope = _gyroscope(spec)
     with at("world"):
-        return PlaneWorld(altitude, roll, pitch, dict(positions), sensor, seed, rate)
+        return PlaneWorld(altitude, roll, pitch, dict(positions), sensor, seed, rate, gyroscope)
+
+
+def _gyroscope(spec: Mapping[str, Any]) -> float | None:
+    if "gyroscope" not in spec:
+        return None
+    written = spec["gyroscope"]
+    if not isinstance(written, Mapping):
+        raise BadInput(f"world.gyroscope: {written!r} must be a mapping, as in {{noise: 1 deg/s}}")
+    check_keys(written, ("noise",), "world.gyroscope")
+    return quantity(required(written, "noise", "world.gyroscope"), "rad/s", "world.gyroscope.noise")
 
 
 def _sensor(spec: Mapping[str, Any]) -> DistanceSensor:

@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 from volery import topologies, worlds
 from volery.agents.altitude_parameters import AltitudeEkfParameters
 from volery.agents.beacon import BeaconParameters
+from volery.agents.dfa_kalman import DfaKalmanParameters
 from volery.agents.dfa_parameters import DfaParameters
 from volery.agents.mhe_parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
@@ -40,6 +41,7 @@ KINDS = (
     Barometer,
     BeaconParameters,
     Deviations,
+    DfaKalmanParameters,
     DfaParameters,
     Ground,
     GroundJumps,
@@ -109,7 +111,7 @@ FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
 @pytest.mark.parametrize(
     ("spec", "count"),
     [
-        ({"kind": "plane", "qqqq": 1}, 7),
+        ({"kind": "plane", "qqqq": 1}, 8),
         ({"kind": "moving", "qqqq": 1}, 5),
         ({"kind": "quadrotor", "qqqq": 1}, 12),
         ({"kind": "quadrotor", "sensors": {"a": "qqqq"}}, 9),

@@ -36,6 +36,7 @@ BUILT_IN = [
     "dfa16-lossy",
     "dfa4",
     "dfa8-random",
+    "dfa-kalman",
     "dfa-sizes",
     "mhe-altitude",
     "mhe-lossy",
