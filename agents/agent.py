@@ -204,7 +204,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class View:
-    """Where an agent believes that agents are, for pictures in plan view.
+    """Where an agent believes agents, or what they follow, to be: for pictures in plan view.
 
     `places`: name → place, shape (2,) or more [m], of which the first two components are drawn. `covariances`: name →
     covariance of these two, shape (2, 2) [m²], where it is known. `relative`: all of them may be shifted alike.
@@ -310,7 +310,14 @@ class Agent:
 
     @classmethod
     def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
-        """Where an agent believes that agents are, by its latest reports, quantity → value; None if it does not say."""
+        """Where an agent believes agents to be, or what they follow, by its latest reports; None if it does not say.
+
+        Given `truth` in the place of what was reported, it says where that is which they follow.
+
+        Args:
+            plan: of the run.
+            reports: quantity → value.
+        """
         return None
 
     @classmethod

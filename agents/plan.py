@@ -42,6 +42,11 @@ class Moving(Protocol):
         """Where an agent is at an instant, shape (2,) or (3,) [m]."""
 
 
+def moving(world: object) -> Moving | None:
+    """The world, if agents move in it: if its `position` is no size, as a target may have one, but can be asked."""
+    return world if isinstance(world, Moving) and callable(world.position) else None
+
+
 class Running(Protocol):
     """A coupled world as it runs: a state machine without a clock, at the instant to which it was advanced last."""
 
@@ -182,8 +187,8 @@ class Plan:
         Raises:
             BadInput: the two have no places.
         """
-        if isinstance(self.world, Moving):
-            apart = self.world.position(first, time_ns) - self.world.position(second, time_ns)
+        if (world := moving(self.world)) is not None:
+            apart = world.position(first, time_ns) - world.position(second, time_ns)
             return float(np.linalg.norm(apart))
         here, there = self.agent(first).position, self.agent(second).position
         if here is None or there is None:

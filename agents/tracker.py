@@ -6,7 +6,7 @@ Letters: x = (p_x, p_y, v_x, v_y) position [m] and velocity [m/s] of the target.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..estimators.gaussian import Gaussian, Measurement, Step
+from ..estimators.information import unpack_symmetric
 from ..units import Metres, MetresPerSecondPerRootSecond, period_ns
 from ..worlds.target import COORDINATES, TargetWorld, process_noise, transition
-from .agent import Finding, RunData
-from .fusing import ESTIMATE, SETTLED, FusingAgent
+from .agent import Finding, RunData, View
+from .fusing import COVARIANCE, ESTIMATE, SETTLED, FusingAgent
 from .fusing_parameters import FusingParameters
 from .fusing_problem import Problem, Readings, whole
 from .plan import Plan
@@ -113,6 +114,14 @@ class Tracker(FusingAgent):
             ("velocity x", "m/s", 1.0),
             ("velocity y", "m/s", 1.0),
         )
+
+    @classmethod
+    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
+        """Where the target is."""
+        if ESTIMATE not in reports:
+            return None
+        stated = {"target": unpack_symmetric(reports[COVARIANCE])[:2, :2]} if COVARIANCE in reports else {}
+        return View({"target": reports[ESTIMATE][:2]}, stated)
 
     @classmethod
     def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:

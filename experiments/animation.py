@@ -153,6 +153,7 @@ class _Scene:
         for collection in (self._trails, *self._links.values(), *self._ellipses.values()):
             axes.add_collection(collection)
         self._true = axes.scatter([], [], s=18, color=BLACK, zorder=4)
+        self._followed = axes.scatter([], [], s=70, color=BLACK, marker="*", zorder=4)
         self._down = axes.scatter([], [], s=40, color=DARK_GREY, marker="x", zorder=4)
         named = view.agents if len(view.agents) <= _NAMED_AGENTS else ()
         self._names = {
@@ -182,7 +183,9 @@ class _Scene:
             return Line2D([], [], label=label, **look)
 
         keys = [key("true place", marker="o", color=BLACK, ls="", ms=4)]
-        views = self._view.picture(self._view.last_ns).views
+        last = self._view.picture(self._view.last_ns)
+        views = last.views
+        keys += [key(name, marker="*", color=BLACK, ls="", ms=8) for name in last.followed]
         believers = [agent for agent, view in views.items() if view.places]
         look = {"marker": "o", "mfc": "none", "ls": "", "ms": 5}
         if len(self._colours) <= len(_COLOURS):
@@ -204,6 +207,7 @@ class _Scene:
         )
         alive = [place for agent, place in picture.true.items() if agent not in picture.down]
         self._true.set_offsets(_points(alive))
+        self._followed.set_offsets(_points(list(picture.followed.values())))
         self._down.set_offsets(_points([picture.true[agent] for agent in picture.down]))
         for agent, text in self._names.items():
             text.xy = tuple(picture.true[agent].tolist())

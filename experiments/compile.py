@@ -10,7 +10,7 @@ import networkx as nx
 
 from .. import topologies, worlds
 from ..agents.coupled_world import couple
-from ..agents.plan import AgentPlan, Coupled, Moving, Plan, World
+from ..agents.plan import AgentPlan, Coupled, Plan, World, moving
 from ..errors import BadInput
 from ..topologies import TimedGraph
 from ..transport.faults import Fault, LinkName
@@ -58,7 +58,7 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         scenario.name,
         scenario.seed,
         scenario.duration,
-        _agents(timed.union, _kinds(scenario, places, problems), placed=not isinstance(world, Moving)),
+        _agents(timed.union, _kinds(scenario, places, problems), placed=moving(world) is None),
         links,
         None if isinstance(world, Coupled) else world,
         faults,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agents.agent import View
-from ..agents.plan import Moving
+from ..agents.plan import moving
 from ..agents.registry import find
 from ..errors import BadInput
 from ..topologies import natural_key
@@ -43,12 +43,14 @@ class Carries(Enum):
 class Picture:
     """One instant: `true` name → place (2,) [m]; `views` who believes → what; `links`, `down` and `faults` in force.
 
-    All places are from `centre` (2,) [m], which is the origin, or that of all agents where the view follows them.
+    `followed`: true places of what is no agent, as a target. All places are from `centre` (2,) [m]: the origin, or the
+    middle of all agents where the view follows them.
     """
 
     time_ns: int
     centre: Floats
     true: Mapping[str, Floats]
+    followed: Mapping[str, Floats]
     views: Mapping[str, View]
     links: Mapping[LinkName, Carries]
     down: frozenset[str]
@@ -86,10 +88,10 @@ class PlanView:
 
     def _places(self) -> Callable[[int], Mapping[str, Floats]]:
         """Of all agents at an instant: as a world wrote down, as one tells that moves them, or as the topology has."""
-        written, world = self._record.beside.get(POSITIONS), self._plan.world
+        written, world = self._record.beside.get(POSITIONS), moving(self._plan.world)
         if written is not None:
             return lambda time_ns: _interpolated(written, self.agents, time_ns)
-        if isinstance(world, Moving):
+        if world is not None:
             return lambda time_ns: {agent: world.position(agent, time_ns)[:2] for agent in self.agents}
         fixed = {agent.name: np.array(agent.position[:2]) for agent in self._plan.agents if agent.position is not None}
         if len(fixed) < len(self.agents):
@@ -110,26 +112,47 @@ class PlanView:
         return everywhere - everywhere.mean(axis=1, keepdims=True) if self.follows else everywhere
 
     def extent(self, from_ns: int, until_ns: int) -> tuple[Floats, Floats]:
-        """The lowest and the highest (x, y) [m] at which anybody is seen in a span."""
-        seen = self.path(from_ns, until_ns, _LOOKS)
-        return seen.min(axis=(0, 1)), seen.max(axis=(0, 1))
+        """The lowest and the highest (x, y) [m] at which anybody, or what is followed, is seen in a span."""
+        times = np.linspace(from_ns, until_ns, _LOOKS).astype(np.int64).tolist()
+        seen = self.path(from_ns, until_ns, _LOOKS).reshape(-1, 2)
+        followed = [place for time_ns in times for place in self._followed(time_ns).values()]
+        everything = np.concatenate([seen, np.array(followed).reshape(-1, 2)])
+        return everything.min(axis=0), everything.max(axis=0)
 
     # -- what they believe ----------------------------------------------------------------------------------------
 
-    def _view(self, agent: str, true: Mapping[str, Floats], centre: Floats, time_ns: int) -> View | None:
-        """What an agent believes, from the centre, and shifted to fit what is true where it may be shifted."""
-        latest = {}
+    def _latest(self, agent: str, time_ns: int) -> dict[str, tuple[int, Floats]]:
+        """Quantity → the sample of an agent's latest report of it, and what it reported."""
+        found = {}
         for quantity, series in self._reports[agent].items():
             row = int(np.searchsorted(series.time_ns, time_ns, side="right")) - 1
             if row >= 0:
-                latest[quantity] = series.value[row]
-        view = find(self._plan.agent(agent).kind).view(self._plan, latest) if latest else None
+                found[quantity] = int(series.sample[row]), series.value[row]
+        return found
+
+    def _view(self, agent: str, true: Mapping[str, Floats], centre: Floats, time_ns: int) -> View | None:
+        """What an agent believes, from the centre, and shifted to fit what is true where it may be shifted."""
+        latest = {quantity: value for quantity, (_, value) in self._latest(agent, time_ns).items()}
+        view = find(self._plan.agent(agent).kind).view(self._plan, latest)
         if view is None:
             return None
         shift = -centre
         if view.relative:
-            shift = np.mean([true[name] - view.places[name][:2] for name in view.places if name in true], axis=0)
-        return View({name: place[:2] + shift for name, place in view.places.items()}, view.covariances)
+            known = [true[name] - place[:2] for name, place in view.places.items() if name in true]
+            shift = np.mean(known, axis=0) if known else shift
+        places = {name: place[:2] + shift for name, place in view.places.items() if np.isfinite(place[:2]).all()}
+        return View(places, {name: view.covariances[name] for name in places if name in view.covariances})
+
+    def _followed(self, time_ns: int) -> Mapping[str, Floats]:
+        """What is no agent, at its true place: where the truth of what the first agent reported has it."""
+        kind, latest = find(self._plan.agent(self.agents[0]).kind), self._latest(self.agents[0], time_ns)
+        truths = {
+            quantity: truth
+            for quantity, (sample, _) in latest.items()
+            if (truth := kind.truth(self._plan, quantity, sample, time_ns)) is not None
+        }
+        view = kind.view(self._plan, truths)
+        return {} if view is None else {n: place[:2] for n, place in view.places.items() if n not in self.agents}
 
     # -- all of it ------------------------------------------------------------------------------------------------
 
@@ -143,6 +166,7 @@ class PlanView:
             time_ns,
             centre,
             true,
+            {name: place - centre for name, place in self._followed(time_ns).items()},
             {agent: view for agent, view in views.items() if view is not None},
             {
                 link: history.carries(time_ns, self.lately_ns)

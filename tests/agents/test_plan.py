@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volery.agents.plan import AgentPlan, Plan
+from volery.agents.plan import AgentPlan, Plan, moving
 from volery.errors import BadInput
+from volery.experiments.scenario import compile_plan, load_scenario
 
 PLACES = {"1": (0.0, 0.0), "2": (3.0, 4.0), "3": None}
 
@@ -54,3 +56,14 @@ def test_agents_without_places_have_no_distance() -> None:
     """The message names both."""
     with pytest.raises(BadInput, match="agents 2 and 3 have no positions"):
         plan(None).distance_m("2", "3", 0)
+
+
+def test_a_target_does_not_take_the_agents_places() -> None:
+    """The `position` of a target's world is how far off it may begin: nobody moves, and agents stay where they are."""
+    tracked = compile_plan(load_scenario("tracker"))
+    places = {agent.name: agent.position for agent in tracked.agents}
+    assert moving(tracked.world) is None
+    assert moving(Drifting()) is not None
+    assert places["1"] is not None
+    assert places["2"] is not None
+    assert tracked.distance_m("1", "2", 0) == math.dist(places["1"], places["2"])

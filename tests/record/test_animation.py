@@ -50,6 +50,8 @@ class Surveyor(Agent):
     @classmethod
     def view(cls, plan: Plan, reports: Mapping[str, Floats]) -> View | None:
         """What it says, the spread for itself only."""
+        if "places" not in reports:
+            return None
         here, there = reports["places"].reshape(2, 2)
         return View({"1": here, "2": there}, {"1": reports["spread"].reshape(2, 2)}, cls.relative)
 
@@ -95,6 +97,41 @@ def test_relative_beliefs_are_shifted_to_fit(surveyed: Make) -> None:
     places = PlanView(surveyed(Relative)).picture(550 * MS).views["1"].places
     assert near(places["1"], (2.75, 1.0))
     assert near(places["2"], (2.75, 3.0))
+
+
+class Lookout(Surveyor):
+    """Reports as `mark` that a mark is at (t, 1) where it is at (t, 2), and at an infinite place from 0.5 s on."""
+
+    def on_timer(self, timer: Timer) -> None:
+        """Report it, and come back."""
+        t = timer.time_ns / 1e9
+        self.context.report("mark", [t if t < 0.5 else np.inf, 1.0], timer.index)
+        self.context.set_timer((timer.index + 1) * 100 * MS, index=timer.index + 1)
+
+    @classmethod
+    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats:
+        """Where it was at the report of this index."""
+        return np.array([index / 10, 2.0])
+
+    @classmethod
+    def view(cls, plan: Plan, reports: Mapping[str, Floats]) -> View | None:
+        """One place."""
+        return View({"mark": reports["mark"]}, {"mark": np.eye(2)}) if "mark" in reports else None
+
+
+def test_what_agents_follow_is_seen_at_its_true_place(surveyed: Make) -> None:
+    """By the truth of what they report; beliefs that are not finite are left out; the frame of the picture holds it."""
+    view = PlanView(surveyed(Lookout))
+    assert near(view.picture(450 * MS).followed["mark"], (0.4, 2.0))
+    assert near(view.picture(450 * MS).views["2"].places["mark"], (0.4, 1.0))
+    assert view.picture(550 * MS).views["2"].places == {} == view.picture(550 * MS).views["2"].covariances
+    assert near(PlanView(surveyed()).extent(0, 1000 * MS)[1], (10.0, 4.0))
+    low, high = view.extent(0, 0)
+    assert near(low, (0.0, 0.0))
+    assert near(high, (0.0, 4.0))
+    figure = Figure()
+    draw_picture(figure, view, view.picture(450 * MS))
+    assert "mark" in {text.get_text() for text in figure.legends[0].get_texts()}
 
 
 def test_agents_that_say_nothing_of_places_believe_nothing(plan_of: Make, twin_run: Make) -> None:
