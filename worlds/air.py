@@ -66,7 +66,7 @@ class Swirl:
     def _normals(self) -> Floats:
         first = 3 * self._index
         self._index += 1
-        return np.array([[each.normal(first + axis) for each in self._streams] for axis in range(3)])
+        return np.array([each.normals(first, 3) for each in self._streams]).T
 
 
 @dataclass(frozen=True)

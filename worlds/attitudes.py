@@ -1,6 +1,7 @@
-"""Attitudes of many vehicles at once: the quaternions of `rotations`, a column each.
+"""Attitudes of many vehicles at once: the quaternions of `rotations`, a column each, and their matrices.
 
-Shapes: quaternions (4, …), vectors (3, …); what follows the first axis is broadcast.
+Shapes: quaternions (4, …), matrices (3, 3, …), vectors (3, …), with the same further axes. A few calls on whole arrays
+do all of it: for few vehicles the number of calls is what costs.
 """
 
 from __future__ import annotations
@@ -14,17 +15,22 @@ _TINY = 1e-300
 
 
 def products(p: Floats, q: Floats) -> Floats:
-    """The Hamilton products p ⊙ q, (4, …)."""
-    a, b, c, d = p
-    w, x, y, z = q
-    return np.array(
-        (
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        )
-    )
+    """The Hamilton products p ⊙ q, (4, …): each component is a sum of products of two components."""
+    pairs = (p[:, None] * q).reshape(16, -1)
+    return np.asarray((_HAMILTON @ pairs).reshape(q.shape))
+
+
+def _hamilton() -> Floats:
+    """Component i of p ⊙ q is Σ_j ± p_(i xor j) q_j: the coefficients of the products of components, (4, 16)."""
+    minus = ((0, 1), (0, 2), (0, 3), (1, 2), (2, 3), (3, 1))
+    rows = np.zeros((4, 4, 4))
+    for i in range(4):
+        for j in range(4):
+            rows[i, i ^ j, j] = -1.0 if (i, j) in minus else 1.0
+    return rows.reshape(4, 16)
+
+
+_HAMILTON = _hamilton()
 
 
 def conjugates(q: Floats) -> Floats:
@@ -34,29 +40,36 @@ def conjugates(q: Floats) -> Floats:
     return result
 
 
-def turned(q: Floats, v: Floats) -> Floats:
-    """The vectors R(q) v, (3, …): body coordinates become inertial ones."""
-    w, x, y, z = q
-    a, b, c = v
-    s, t, u = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return np.array((a + w * s + y * u - z * t, b + w * t + z * s - x * u, c + w * u + x * t - y * s))
-
-
-def turned_back(q: Floats, v: Floats) -> Floats:
-    """The vectors R(q)ᵀ v, (3, …): inertial coordinates become the body's."""
-    return turned(conjugates(q), v)
-
-
-def vertical_axes(q: Floats) -> Floats:
-    """The bodies' z axes in inertial coordinates, R(q) (0, 0, 1), (3, …)."""
-    w, x, y, _ = q
-    twice_x, twice_y, twice_z = 2.0 * q[1:]
-    return np.array((x * twice_z + w * twice_y, y * twice_z - w * twice_x, 1.0 - x * twice_x - y * twice_y))
-
-
 def exponentials(rotvec: Floats) -> Floats:
     """The unit quaternions of rotation vectors [rad], (4, …)."""
-    x, y, z = rotvec
-    half = 0.5 * np.sqrt(x * x + y * y + z * z)
-    factor = 0.5 * np.sin(half) / np.maximum(half, _TINY)
-    return np.array((np.cos(half), factor * x, factor * y, factor * z))
+    half = 0.5 * np.sqrt((rotvec * rotvec).sum(axis=0))
+    result = np.empty((4, *rotvec.shape[1:]))
+    result[0] = np.cos(half)
+    result[1:] = (0.5 * np.sin(half) / np.maximum(half, _TINY)) * rotvec
+    return result
+
+
+def matrices(q: Floats) -> Floats:
+    """The rotation matrices R(q) of unit quaternions, (3, 3, …): each entry is a sum of products of two components."""
+    pairs = (q[:, None] * q).reshape(16, -1)
+    return np.asarray((_QUADRATIC @ pairs).reshape(3, 3, *q.shape[1:]))
+
+
+def _quadratic() -> Floats:
+    """R = w² + x² − y² − z² and so on, as rows of coefficients of the products of components, (9, 16)."""
+    w, x, y, z = range(4)
+    rows = np.zeros((3, 3, 4, 4))
+    for axis, (own, second, third) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
+        for component, sign in ((w, 1.0), (own, 1.0), (second, -1.0), (third, -1.0)):
+            rows[axis, axis, component, component] = sign
+        rows[axis, second - 1, own, second] = rows[second - 1, axis, own, second] = 2.0
+        rows[axis, second - 1, w, third], rows[second - 1, axis, w, third] = -2.0, 2.0
+    return rows.reshape(9, 16)
+
+
+_QUADRATIC = _quadratic()
+
+
+def turned_back(R: Floats, v: Floats) -> Floats:
+    """The vectors Rᵀ v, (3, …): inertial coordinates become the body's."""
+    return np.asarray((R * v[:, None]).sum(axis=0))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream
-from .attitudes import conjugates, exponentials, products, turned_back
+from .attitudes import conjugates, exponentials, products
 
 Floats = NDArray[np.float64]
 DRAWS = 8
@@ -85,7 +85,7 @@ class View(NamedTuple):
     relative: Floats
 
 
-def view(camera: Camera, radius: float, places: Floats, attitudes: Floats) -> View:
+def view(camera: Camera, radius: float, places: Floats, matrices: Floats) -> View:
     """Who is in view of whom: within the angles and the range, and not behind another vehicle.
 
     A vehicle hides another one if it is nearer and the line of sight to the other's centre meets its sphere.
@@ -94,12 +94,12 @@ def view(camera: Camera, radius: float, places: Floats, attitudes: Floats) -> Vi
         camera: the same on all vehicles.
         radius: of the sphere that stands for a vehicle [m].
         places: (3, N) [m], inertial.
-        attitudes: (4, N).
+        matrices: rotation matrices of the attitudes, (3, 3, N).
     """
     apart = places[:, None, :] - places[:, :, None]
-    relative = turned_back(attitudes[:, :, None], apart)
+    relative = (matrices[:, :, :, None] * apart[:, None]).sum(axis=0)
     x, y, z = relative
-    distance = np.sqrt((relative * relative).sum(axis=0))
+    distance = np.sqrt((apart * apart).sum(axis=0))
     seen = (distance > 0.0) & (distance <= camera.range)
     seen &= np.abs(np.arctan2(y, x)) <= 0.5 * camera.horizontal
     seen &= np.abs(np.arctan2(z, np.hypot(x, y))) <= 0.5 * camera.vertical
@@ -160,8 +160,7 @@ def frames(
 
 
 def _normals(streams: Sequence[Stream], index: int) -> Floats:
-    first = DRAWS * index + 1
-    return np.array([[each.normal(first + component) for each in streams] for component in range(6)])
+    return np.array([each.normals(DRAWS * index + 1, 6) for each in streams]).T
 
 
 def _place_noise(camera: Camera, places: Floats, noise: Floats) -> Floats:

@@ -7,6 +7,7 @@ whenever, and however often, the formation is advanced, measured or asked for it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from .air import Swirl, Weather
 from .attitudes import turned_back
 from .contacts import Contacts
 from .imu import Units
-from .vehicles import Orders, State, accelerations, step
+from .vehicles import Orders, State, accelerations, at_rest, step
 
 if TYPE_CHECKING:
     from .formation import FormationWorld
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 CAMERA, IMU = "camera", "imu"
 COMMANDS = {"thrust": 3, "yaw-rate": 1}
-_NEVER_NS = np.iinfo(np.int64).max
+_NEVER_NS = 2**63 - 1
 
 
 class RunningFormation:
@@ -41,20 +42,21 @@ class RunningFormation:
         self._number = {agent: number for number, agent in enumerate(world.agents)}
         self._now_ns = self._kept_ns = self._step_ns = 0
         self._step = 0
-        self._state = _at_rest(world)
+        self._state = _hovering(world)
         self._present: State | None = self._state
         self._view: camera.View | None = None
         self._samples: dict[tuple[str, int], list[Floats | None]] = {}
         count = len(world.agents)
         self._orders = Orders(np.zeros((3, count)), np.zeros((3, count)), np.zeros(count))
         self._until = {command: np.full(count, _NEVER_NS) for command in COMMANDS}
+        self._due_ns: int = _NEVER_NS
         for number in range(count):
             self._aim(number, np.zeros(3))
         self._swirl = Swirl(world.turbulence, world.seed, world.agents)
         self._weather = Weather(world.gusts, world.seed)
         imu = world.imu
         self._units = None if imu is None else Units(imu, world.seed, world.agents)
-        self._field = np.zeros(3) if imu is None else imu.field
+        self._field = np.zeros((3, 1)) if imu is None else imu.field[:, None]
         self._draws: dict[tuple[int, int], Stream] = {}
         self._contacts = Contacts(world)
 
@@ -73,7 +75,8 @@ class RunningFormation:
             self._settle(next_ns)
             self._swirl.advance(next_ns - self._step_ns)
             self._step, self._step_ns = self._step + 1, next_ns
-            self._time_out(next_ns)
+            if next_ns >= self._due_ns:
+                self._time_out(next_ns)
             self._contacts.look(self._state.places, next_ns)
 
     def act(self, agent: str, command: str, value: Floats) -> None:
@@ -93,7 +96,9 @@ class RunningFormation:
             raise BadInput(f"command {command} to vehicle {agent} takes {COMMANDS[command]} finite values, not {value}")
         self._settle(self._now_ns)
         self._samples = {}
-        self._until[command][number] = self._now_ns + self._world.vehicle.command_timeout_ns
+        until_ns = self._now_ns + self._world.vehicle.command_timeout_ns
+        self._until[command][number] = until_ns
+        self._due_ns = min(self._due_ns, until_ns)
         if command == "thrust":
             self._aim(number, rotate(self._state.attitudes[:, number], value))
         else:
@@ -155,19 +160,19 @@ class RunningFormation:
         return self._present
 
     def _time_out(self, time_ns: int) -> None:
-        late = self._until["thrust"] <= time_ns
-        if late.any():
+        for command, until in self._until.items():
+            late = until <= time_ns
+            until[late] = _NEVER_NS
             for number in np.flatnonzero(late).tolist():
-                self._aim(number, np.zeros(3))
-            self._until["thrust"][late] = _NEVER_NS
-        late = self._until["yaw-rate"] <= time_ns
-        if late.any():
-            self._orders.yaw_rates[late] = 0.0
-            self._until["yaw-rate"][late] = _NEVER_NS
+                if command == "thrust":
+                    self._aim(number, np.zeros(3))
+                else:
+                    self._orders.yaw_rates[number] = 0.0
+        self._due_ns = min(int(until.min()) for until in self._until.values())
 
     def _aim(self, number: int, force: Floats) -> None:
         thrust = self._world.vehicle.thrust(force)
-        length = float(np.linalg.norm(thrust))
+        length = math.hypot(*thrust.tolist())
         self._orders.thrusts[:, number] = thrust
         self._orders.directions[:, number] = thrust / length if length > 0.0 else (0.0, 0.0, 1.0)
 
@@ -175,7 +180,7 @@ class RunningFormation:
         assert self._world.camera is not None
         if self._view is None:
             state = self._seen_now()
-            self._view = camera.view(self._world.camera, self._world.vehicle.radius, state.places, state.attitudes)
+            self._view = camera.view(self._world.camera, self._world.vehicle.radius, state.places, state.matrices)
         return camera.frames(self._world.camera, self._view, self._seen_now().attitudes, index, self._pair)
 
     def _felt(self, index: int) -> Floats:
@@ -183,8 +188,7 @@ class RunningFormation:
         state = self._seen_now()
         gust = self._weather.mean(self._now_ns, self._now_ns)[:, None]
         forces = accelerations(self._world.vehicle, state, self._orders, self._swirl.value + gust)
-        fields = np.broadcast_to(self._field[:, None], forces.shape)
-        turned_in = turned_back(state.attitudes, forces), turned_back(state.attitudes, fields)
+        turned_in = turned_back(state.matrices, forces), turned_back(state.matrices, self._field)
         return self._units.samples(state.rates, *turned_in, index)
 
     def _pair(self, seer: int, seen: int) -> Stream:
@@ -199,8 +203,7 @@ class RunningFormation:
         return self._number[agent]
 
 
-def _at_rest(world: FormationWorld) -> State:
-    places = np.array(world.places).T.copy()
+def _hovering(world: FormationWorld) -> State:
     half = 0.5 * np.array(world.headings)
     attitudes = np.array((np.cos(half), np.zeros_like(half), np.zeros_like(half), np.sin(half)))
-    return State(places, np.zeros_like(places), attitudes, np.zeros_like(places))
+    return at_rest(np.array(world.places).T.copy(), attitudes)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..randomness import Stream, stream
+from ..randomness import stream
 from ..rotations import exp_so3
 
 Floats = NDArray[np.float64]
@@ -88,8 +88,8 @@ class Units:
 
     def __init__(self, imu: Imu, seed: int, agents: Sequence[str]) -> None:
         once = [stream(seed, "imu calibration", agent) for agent in agents]
-        self.axes: Floats = np.array([exp_so3(imu.miscalibration * _normals(each, 0, 3)) for each in once])
-        self.bias: Floats = np.array([imu.spread("bias") * _normals(each, 3, VALUES) for each in once])
+        self.axes: Floats = np.array([exp_so3(imu.miscalibration * np.array(each.normals(0, 3))) for each in once])
+        self.bias: Floats = np.array([imu.spread("bias") * each.normals(3, VALUES) for each in once])
         self._noise = imu.spread("noise")
         self._draws = [stream(seed, "imu noise", agent) for agent in agents]
 
@@ -105,9 +105,5 @@ class Units:
             index: of the sample; noise is a function of it.
         """
         true = np.stack((rates.T, forces.T, fields.T), axis=1) @ self.axes
-        noise = np.array([_normals(each, VALUES * index, VALUES) for each in self._draws])
+        noise = np.array([each.normals(VALUES * index, VALUES) for each in self._draws])
         return np.asarray(true.reshape(-1, VALUES) + self.bias + self._noise * noise)
-
-
-def _normals(draws: Stream, first: int, count: int) -> Floats:
-    return np.array([draws.normal(first + offset) for offset in range(count)])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from .attitudes import exponentials, products, turned_back, vertical_axes
+from .attitudes import exponentials, matrices, products, turned_back
 
 Floats = NDArray[np.float64]
 GRAVITY = 9.81
@@ -104,12 +104,13 @@ class Vehicle:
 
 
 class State(NamedTuple):
-    """Places and velocities (3, N), attitudes (4, N) and body rates (3, N)."""
+    """Places and velocities (3, N), attitudes (4, N), body rates (3, N), and the attitudes' matrices R (3, 3, N)."""
 
     places: Floats
     velocities: Floats
     attitudes: Floats
     rates: Floats
+    matrices: Floats
 
 
 class Orders(NamedTuple):
@@ -118,6 +119,11 @@ class Orders(NamedTuple):
     thrusts: Floats
     directions: Floats
     yaw_rates: Floats
+
+
+def at_rest(places: Floats, attitudes: Floats) -> State:
+    """Vehicles that do not move, at places (3, N) [m] in attitudes (4, N)."""
+    return State(places, np.zeros_like(places), attitudes, np.zeros_like(places), matrices(attitudes))
 
 
 def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt_ns: int) -> State:
@@ -141,79 +147,100 @@ def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt
         disturbance: further acceleration, constant over the step, (3, N) [m/s²].
         dt_ns: length of the step.
     """
-    e_keep, e_rate, rate_e, rate_keep, kept, caught, factors = _coefficients(vehicle, dt_ns)
-    p, v, q, omega = state
-    dt = dt_ns * 1e-9
-    before = _pull(vehicle, q, orders)
-
-    gyration = _gyration(vehicle)[:, None] * omega[[1, 2, 0]] * omega[[2, 0, 1]]
-    error = _tilt_error(q, orders.directions) + vehicle.attitude_response * vehicle.rate_response * gyration[:2]
-    yaw_rate = orders.yaw_rates + vehicle.rate_response * gyration[2]
-    turn, rates = np.empty_like(omega), np.empty_like(omega)
-    turn[:2] = (1.0 - e_keep) * error - e_rate * omega[:2]
-    rates[:2] = rate_e * error + rate_keep * omega[:2]
-    turn[2] = yaw_rate * dt + (omega[2] - yaw_rate) * caught
-    rates[2] = yaw_rate + (omega[2] - yaw_rate) * kept
-    attitudes = products(q, exponentials(turn))
+    by = _coefficients(vehicle, dt_ns)
+    p, v, q, omega, R = state
+    goal = _goal(R, orders)
+    goal += by.goal_by_gyration * omega[_NEXT] * omega[_LAST]
+    attitudes = products(q, exponentials(by.turn_by_goal * goal + by.turn_by_rate * omega))
     attitudes /= np.sqrt((attitudes * attitudes).sum(axis=0))
+    rates = by.rate_by_goal * goal + by.rate_by_rate * omega
+    turned = matrices(attitudes)
 
-    change = _pull(vehicle, attitudes, orders) - before
+    before = _pull(vehicle, R, orders)
+    change = _pull(vehicle, turned, orders) - before
     held = before + disturbance
     held[2] -= GRAVITY
-    slow, first, second, third = factors
-    velocities = slow * v + (dt * first) * held + (dt * second) * change
-    places = p + (dt * first) * v + (dt * dt * second) * held + (dt * dt * third) * change
-    return State(places, velocities, attitudes, rates)
+    velocities = by.kept * v + by.speed_by_held * held + by.speed_by_change * change
+    places = p + by.way_by_speed * v + by.way_by_held * held + by.way_by_change * change
+    return State(places, velocities, attitudes, rates, turned)
 
 
 def accelerations(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats) -> Floats:
     """What an ideal accelerometer would feel, in inertial coordinates: all but gravity, (3, N) [m/s²]."""
-    return _pull(vehicle, state.attitudes, orders) - vehicle.drag * state.velocities + disturbance
+    return _pull(vehicle, state.matrices, orders) - vehicle.drag * state.velocities + disturbance
 
 
-def _pull(vehicle: Vehicle, attitudes: Floats, orders: Orders) -> Floats:
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def _pull(vehicle: Vehicle, R: Floats, orders: Orders) -> Floats:
     """Acceleration by thrust: the part of f along the body's z axis, never downwards."""
-    axes = vertical_axes(attitudes)
+    axes = R[:, 2]
     return np.asarray((np.maximum((axes * orders.thrusts).sum(axis=0), 0.0) / vehicle.mass) * axes)
 
 
-def _tilt_error(attitudes: Floats, directions: Floats) -> Floats:
-    """The rotation vector in body coordinates that takes the body's z axis to a direction: about x and y, (2, N)."""
-    x, y, z = turned_back(attitudes, directions)
+def _goal(R: Floats, orders: Orders) -> Floats:
+    """What the attitude goes for, in body coordinates: e about x and y [rad], the yaw rate about z [rad/s]."""
+    x, y, z = turned_back(R, orders.directions)
     sine = np.hypot(x, y)
     factor = np.arctan2(sine, z) / np.maximum(sine, _TINY)
-    error = np.empty((2, *x.shape))
-    error[0] = -factor * y
-    error[1] = factor * x
-    return error
+    goal = np.empty_like(orders.directions)
+    goal[0] = -factor * y
+    goal[1] = factor * x
+    goal[2] = orders.yaw_rates
+    return goal
+
+
+class _Coefficients(NamedTuple):
+    """A step as a linear map: `a_by_b` is what b adds to a; those of the attitude have a row an axis, (3, 1)."""
+
+    goal_by_gyration: Floats
+    turn_by_goal: Floats
+    turn_by_rate: Floats
+    rate_by_goal: Floats
+    rate_by_rate: Floats
+    kept: float
+    speed_by_held: float
+    speed_by_change: float
+    way_by_speed: float
+    way_by_held: float
+    way_by_change: float
 
 
 @lru_cache(maxsize=_CACHED_STEPS)
-def _gyration(vehicle: Vehicle) -> Floats:
-    """−J⁻¹ (ω × J ω) as a factor of the products ω_y ω_z, ω_z ω_x and ω_x ω_y."""
-    x, y, z = vehicle.inertia
-    return np.array(((y - z) / x, (z - x) / y, (x - y) / z))
+def _coefficients(vehicle: Vehicle, dt_ns: int) -> _Coefficients:
+    """The exact step of ė = −ω, ω̇ = (e/τ − ω)/τ_r, of a lag τ_r alone, and of the drag.
 
-
-@lru_cache(maxsize=_CACHED_STEPS)
-def _coefficients(vehicle: Vehicle, dt_ns: int) -> tuple[float, float, float, float, float, float, tuple[float, ...]]:
-    """The exact step of ė = −ω, ω̇ = (e/τ − ω)/τ_r, of a lag τ_r alone, and of the drag."""
+    −J⁻¹ (ω × J ω), which is the products ω_y ω_z, ω_z ω_x, ω_x ω_y with factors, adds to ω̇ what ττ_r times it would
+    add to e, and τ_r times it to the yaw rate.
+    """
     dt, tau, tau_r = dt_ns * 1e-9, vehicle.attitude_response, vehicle.rate_response
+    x, y, z = vehicle.inertia
     mean = -0.5 / tau_r
     spread = math.sqrt(max(mean * mean - 1.0 / (tau * tau_r), 0.0))
     slow, fast = math.exp((mean + spread) * dt), math.exp((mean - spread) * dt)
     even = (slow + fast) / 2.0
     odd = (slow - fast) / (2.0 * spread) if spread > 0.0 else slow * dt
     kept = math.exp(-dt / tau_r)
-    return (
-        even - mean * odd,
-        -odd,
-        odd / (tau * tau_r),
-        even + mean * odd,
-        kept,
-        tau_r * (1.0 - kept),
-        tuple(_phi(order, -vehicle.drag * dt) for order in range(4)),
+    caught = tau_r * (1.0 - kept)
+    decay, first, second, third = (_phi(order, -vehicle.drag * dt) for order in range(4))
+    return _Coefficients(
+        _column(tau * tau_r * (y - z) / x, tau * tau_r * (z - x) / y, tau_r * (x - y) / z),
+        _column(1.0 - even + mean * odd, 1.0 - even + mean * odd, dt - caught),
+        _column(odd, odd, caught),
+        _column(odd / (tau * tau_r), odd / (tau * tau_r), 1.0 - kept),
+        _column(even + mean * odd, even + mean * odd, kept),
+        decay,
+        dt * first,
+        dt * second,
+        dt * first,
+        dt * dt * second,
+        dt * dt * third,
     )
+
+
+def _column(x: float, y: float, z: float) -> Floats:
+    return np.array([[x], [y], [z]])
 
 
 def _phi(order: int, z: float) -> float:

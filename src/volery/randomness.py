@@ -37,6 +37,15 @@ class Stream:
         """The index-th draw from the standard normal law, by the inverse of its distribution function."""
         return _STANDARD_NORMAL.inv_cdf(self.uniform(index))
 
+    def normals(self, first: int, count: int) -> list[float]:
+        """`normal` of `count` indices from the first on: the same draws in less time where they lie in one block."""
+        offset = first % _BLOCK
+        if offset + count > _BLOCK:
+            return [self.normal(first + further) for further in range(count)]
+        self.uniform(first)
+        inverse = _STANDARD_NORMAL.inv_cdf
+        return [inverse(((draw >> 12) + 0.5) * 2.0**-52) for draw in self._draws[offset : offset + count]]
+
 
 def stream(seed: int, purpose: str, *names: str) -> Stream:
     """The stream of one purpose between the named ends; the same words give the same stream on every machine."""

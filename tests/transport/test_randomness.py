@@ -36,6 +36,14 @@ def test_normal_draws_are_normal() -> None:
     assert stats.kstest([normal.normal(index) for index in range(COUNT)], "norm").pvalue > LEVEL
 
 
+@given(first=st.integers(0, 300), count=st.integers(0, 100), before=st.integers(0, 300))
+def test_several_normal_draws_are_those_of_their_indices(first: int, count: int, before: int) -> None:
+    """Within a block of the generator and across, whatever was drawn before."""
+    draws = stream(3, "noise", "1")
+    draws.normal(before)
+    assert draws.normals(first, count) == [stream(3, "noise", "1").normal(first + further) for further in range(count)]
+
+
 def test_words_separate_streams() -> None:
     """Another seed, purpose, name, direction or split of the same letters is another stream."""
     words: list[tuple[int, str, *tuple[str, ...]]] = [

@@ -12,12 +12,19 @@ from numpy.typing import NDArray
 from volery.errors import BadInput
 from volery.randomness import Stream, stream
 from volery.rotations import conjugate, euler_to_quaternion, log_quaternion, quaternion_product, to_matrix
-from volery.worlds.camera import Camera, frames, view
+from volery.worlds.attitudes import matrices
+from volery.worlds.camera import Camera, View, frames
+from volery.worlds.camera import view as view_of
 
 Floats = NDArray[np.float64]
 RADIUS = 0.2
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 EXACT = Camera(horizontal=math.radians(60), vertical=math.radians(40), range=3.0).exact()
+
+
+def view(camera: Camera, radius: float, places: Floats, attitudes: Floats) -> View:
+    """The lines of sight of vehicles in attitudes that are given as quaternions."""
+    return view_of(camera, radius, places, matrices(attitudes))
 
 
 def draws(first: int, second: int) -> Stream:
