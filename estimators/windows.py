@@ -72,17 +72,12 @@ def smooth(window: Window, solver: Solver = "daqp") -> Smoothed:
         RunFailed: the Hessian is not positive definite, or the solver found nothing.
     """
     maps, offsets = _condensed(window)
-    size = maps.shape[2]
-    seen = ((window.weights[:, :, np.newaxis] * window.C) @ maps).reshape(-1, size)
-    misses = (window.weights * (window.residuals - (window.C @ offsets[:, :, np.newaxis])[:, :, 0])).ravel()
-    hessian = seen.T @ seen
-    hessian.flat[:: size + 1] += 1.0
-    pull = seen.T @ misses
-    lower_triangle, failed = lapack.dpotrf(hessian, lower=1, clean=0)
+    program = _program(window, maps, offsets)
+    lower_triangle, failed = lapack.dpotrf(program.hessian, lower=1, clean=0)
     if failed:
+        size = maps.shape[2]
         raise RunFailed(f"the Hessian of a window with {size} unknowns is not positive definite, at pivot {failed}")
-    unknowns, _ = lapack.dpotrs(lower_triangle, pull, lower=1)
-    program = _program(window, maps, offsets, hessian, pull)
+    unknowns, _ = lapack.dpotrs(lower_triangle, -program.gradient, lower=1)
     bounded = _breaks(program, unknowns)
     if bounded:
         unknowns = solve(program, solver)
@@ -106,14 +101,23 @@ def _condensed(window: Window) -> tuple[Floats, Floats]:
     return maps, offsets
 
 
-def _program(window: Window, maps: Floats, offsets: Floats, hessian: Floats, pull: Floats) -> QuadraticProgram:
-    """The window with its bounds: simple ones on η, one row for each bounded error."""
-    N = maps.shape[1]
+def program_of(window: Window) -> QuadraticProgram:
+    """The window as a quadratic program in its whitened unknowns (ξ, η), (D,)."""
+    return _program(window, *_condensed(window))
+
+
+def _program(window: Window, maps: Floats, offsets: Floats) -> QuadraticProgram:
+    """Squares of what the measurements miss and of the unknowns; bounds on η, a row for each bounded error."""
+    N, size = maps.shape[1:]
+    seen = ((window.weights[:, :, np.newaxis] * window.C) @ maps).reshape(-1, size)
+    misses = (window.weights * (window.residuals - (window.C @ offsets[:, :, np.newaxis])[:, :, 0])).ravel()
+    hessian = seen.T @ seen
+    hessian.flat[:: size + 1] += 1.0
     limits = np.concatenate([np.full(N, np.inf), (window.bounds / window.deviations).ravel()])
     limited = np.isfinite(window.lower) | np.isfinite(window.upper)
     return QuadraticProgram(
         hessian,
-        -pull,
+        -(seen.T @ misses),
         -limits,
         limits,
         maps[limited],
