@@ -13,6 +13,7 @@ from .agent import Agent
 ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
     "altitude-ekf": "volery.agents.altitude_ekf:AltitudeEkf",
+    "attitude-unit": "volery.agents.attitude_unit:AttitudeUnit",
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-kalman": "volery.agents.dfa_kalman:DfaKalman",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
