@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 
 from volery import topologies, worlds
 from volery.agents.altitude_parameters import AltitudeEkfParameters
+from volery.agents.attitude_parameters import AttitudeParameters
 from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_kalman import DfaKalmanParameters
 from volery.agents.dfa_parameters import DfaParameters
@@ -38,6 +39,7 @@ IN_CODE = {*re.findall(r"[\w-]+", CODE), *re.findall(r"[\w-]+(?:\.\w+)+", CODE)}
 
 KINDS = (
     AltitudeEkfParameters,
+    AttitudeParameters,
     Barometer,
     BeaconParameters,
     Deviations,
