@@ -9,8 +9,9 @@ from statistics import median
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
-from volery.estimators.formation_filter import FormationFilter, Observation
+from volery.estimators.formation_filter import Form, FormationFilter, Observation
 from volery.estimators.formation_model import FormationModel, Pair
 from volery.randomness import stream
 
@@ -50,10 +51,10 @@ class _Data:
         return np.diag(np.concatenate([self.camera.diagonal(), told]))
 
 
-def twelve_states(heard: int) -> list[list[Sample]]:
+def twelve_states(heard: int, form: Form = "joseph") -> list[list[Sample]]:
     """Batches of volery and of FilterPy with three vehicles: a sighting, and so many messages, in every step."""
     data = _Data(3, ((1, 2), (2, 0))[:heard])
-    own, theirs = _volery(data), _filterpy(data)
+    own, theirs = _volery(data, form), _filterpy(data)
     return _in_turn([own[0], theirs[0]], lambda: np.abs(own[1]() - theirs[1]()).max())
 
 
@@ -70,29 +71,34 @@ def two_sizes(fewer: int, more: int) -> list[list[Sample]]:
 
 
 def _in_turn(sides: list[Side], apart: Callable[[], float] = float) -> list[list[Sample]]:
-    """Cost of a step of each side, batch by batch; `apart` is by how much their results differ in the end."""
+    """Processor time of a step of each side, batch by batch; `apart` is by how much their results differ in the end."""
     samples: list[list[Sample]] = [[] for _ in sides]
-    for batch in range(BATCHES):
-        for side, taken in zip(sides, samples, strict=True):
-            began = time.perf_counter()
-            side(batch)
-            taken.append({"step_us": (time.perf_counter() - began) / STEPS * 1e6})
+    with threadpool_limits(1):  # as in an agent's process
+        for batch in range(BATCHES):
+            for side, taken in zip(sides, samples, strict=True):
+                began = time.process_time()
+                side(batch)
+                taken.append({"step_us": (time.process_time() - began) / STEPS * 1e6})
     if not apart() < AGREEMENT:
         raise RuntimeError(f"the two sides differ by {apart():g}")
     return samples
 
 
-def _volery(data: _Data) -> tuple[Side, Callable[[], NDArray[np.float64]]]:
-    own = FormationFilter(data.model, np.zeros(data.model.size))
-    seen_pairs, heard_pairs = ((0, 1),), [(pair,) for pair in data.heard]
+def _volery(data: _Data, form: Form = "joseph") -> tuple[Side, Callable[[], NDArray[np.float64]]]:
+    own = FormationFilter(data.model, np.zeros(data.model.size), form=form)
+    seen_pair, heard_pairs = ((0, 1),), [(pair,) for pair in data.heard]
+    steps = [
+        (forces, seen, list(zip(heard_pairs, told, strict=True)))
+        for forces, seen, told in zip(data.forces, data.seen, data.told, strict=True)
+    ]
 
     def run(batch: int) -> None:
-        for k in range(STEPS):
-            own.predict((batch * STEPS + k + 1) * STEP_NS, data.forces[k])
-            observations = [Observation(seen_pairs, data.seen[k], data.camera)]
-            for pairs, values in zip(heard_pairs, data.told[k], strict=True):
-                observations.append(Observation(pairs, values, data.message))
-            own.update(observations)
+        time_ns = batch * STEPS * STEP_NS
+        for forces, seen, told in steps:
+            time_ns += STEP_NS
+            own.predict(time_ns, forces)
+            messages = [Observation(pair, values, data.message) for pair, values in told]
+            own.update([Observation(seen_pair, seen, data.camera), *messages])
 
     return run, lambda: own.state
 
@@ -105,12 +111,12 @@ def _filterpy(data: _Data) -> tuple[Side, Callable[[], NDArray[np.float64]]]:
     )
     theirs.H, theirs.R = rows, data.noise
     columns = np.hstack([data.seen, data.told.reshape(STEPS, -1)])[:, :, np.newaxis]
-    inputs = data.forces[:, :, np.newaxis]
+    steps = list(zip(data.forces[:, :, np.newaxis], columns, strict=True))
 
     def run(_: int) -> None:
-        for k in range(STEPS):
-            theirs.predict(inputs[k])
-            theirs.update(columns[k])
+        for forces, values in steps:
+            theirs.predict(forces)
+            theirs.update(values)
 
     return run, lambda: np.ravel(theirs.x)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv, dpotrf
@@ -35,6 +37,16 @@ def checked_covariance(matrix: ArrayLike, size: int | None, name: str) -> NDArra
         raise BadInput(f"{name} is not symmetric: {array.tolist()}")
     check_positive(array, name)
     return array
+
+
+def check_finite(values: NDArray[np.float64], name: str) -> None:
+    """Refuse a vector with a number that is not finite, or whose square is not.
+
+    Raises:
+        BadInput: with `name`.
+    """
+    if not math.isfinite(values.dot(values)):
+        raise BadInput(f"{name} holds a number that is not finite: {values.tolist()}")
 
 
 def check_positive(matrix: NDArray[np.float64], name: str) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,10 +13,10 @@ from ..errors import BadInput
 from .checks import as_array
 from .formation_covariance import checked_covariance
 from .formation_joseph import JosephBelief
-from .formation_model import FormationModel, Pair, rows
+from .formation_model import FormationModel, Pair, Step, rows
 from .formation_square_root import SquareRootBelief
 
-Form = Literal["joseph", "square-root"]
+Form = Literal["joseph", "square-root", "compiled"]
 
 LONGEST_STEP_NS = 250_000_000
 """Default bound of a step: with forces held for more than 277 ms, the loop of the default regulator diverges."""
@@ -86,10 +85,11 @@ class FormationFilter:
         covariance: P at the beginning, shape (6(N−1), 6(N−1)), in the paper's order; or the two standard deviations of
             each relative position [m] and velocity [m/s].
         time_ns: instant of the beginning [ns].
-        form: how P is kept; both give the same to rounding.
+        form: how P is kept, and by what; all give the same to rounding, and each its own bits. `compiled` is the Joseph
+            form by Numba, which the extra volery[fast] brings.
         longest_step_ns: bound of a step [ns].
     Raises:
-        BadInput: wrong shape, not finite, or a covariance that is not positive definite.
+        BadInput: wrong shape, not finite, or a covariance that is not positive definite; Numba is not installed.
     """
 
     def __init__(
@@ -105,9 +105,8 @@ class FormationFilter:
         self.model = model
         self.time_ns = time_ns
         self._longest_step_ns = longest_step_ns
-        kind = JosephBelief if form == "joseph" else SquareRootBelief
         first = as_array(state, (model.size,), "state of a formation")[model.split_order]
-        self.belief: JosephBelief | SquareRootBelief = kind(first, _initial(model, covariance))
+        self.belief = _kind_of(form)(first, _initial(model, covariance))
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -143,8 +142,8 @@ class FormationFilter:
                 f"at most {self._longest_step_ns / 1e6:g} ms, in several steps if need be"
             )
         inputs = np.asarray(forces, dtype=np.float64).reshape(-1)
-        if len(inputs) != 3 * self.model.vehicles or not math.isfinite(inputs.dot(inputs)):
-            raise BadInput(f"forces {inputs.tolist()}: give 3 finite ones for each of {self.model.vehicles} vehicles")
+        if len(inputs) != 3 * self.model.vehicles:
+            raise BadInput(f"forces {inputs.tolist()}: give 3 for each of {self.model.vehicles} vehicles")
         self.belief.predict(self.model.step(duration_ns), inputs)
         self.time_ns = time_ns
 
@@ -161,10 +160,42 @@ class FormationFilter:
         """
         if not observations:
             return
-        seen, values, noise = _stacked(self.model, observations)
-        if not math.isfinite(values.dot(values)):
-            raise BadInput(f"an observation is not finite: {values.tolist()}")
-        self.belief.update(seen, values, noise)
+        self.belief.update(*_stacked(self.model.vehicles, observations))
+
+
+class Belief(Protocol):
+    """What a form provides, in split order: `formation_joseph` says what each does."""
+
+    state: NDArray[np.float64]
+
+    def __init__(self, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None: ...
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """P."""
+
+    def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
+        """Move on by a step."""
+
+    def update(self, rows: NDArray[np.float64], values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
+        """Take in a measurement."""
+
+    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H P Hᵀ."""
+
+    def inflate(self, factor: float) -> None:
+        """Multiply P."""
+
+
+def _kind_of(form: Form) -> type[Belief]:
+    if form != "compiled":
+        kinds: dict[str, type[Belief]] = {"joseph": JosephBelief, "square-root": SquareRootBelief}
+        return kinds[form]
+    try:
+        from .formation_compiled import CompiledBelief
+    except ImportError as error:
+        raise BadInput(f"form {form!r} needs Numba: pip install 'volery[fast]', or choose joseph ({error})") from error
+    return CompiledBelief
 
 
 def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64]:
@@ -177,13 +208,14 @@ def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64
 
 
 def _stacked(
-    model: FormationModel, observations: Sequence[Observation]
+    vehicles: int, observations: Sequence[Observation]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """H, values and block-diagonal noise of all observations together."""
     if len(observations) == 1:
         only = observations[0]
-        return rows(model.vehicles, only.pairs, only.velocities), only.values, only.covariance
-    seen = np.concatenate([rows(model.vehicles, each.pairs, each.velocities) for each in observations])
+        return rows(vehicles, only.pairs, only.velocities), only.values, only.covariance
+    seen = np.concatenate([rows(vehicles, each.pairs, each.velocities) for each in observations])
+    seen.setflags(write=False)
     noise = np.zeros((len(seen), len(seen)))
     at = 0
     for each in observations:

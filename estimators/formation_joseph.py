@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy, dgemm
 
-from .formation_covariance import check_positive, solved
+from .formation_covariance import check_finite, check_positive, solved
 from .formation_model import Step
 
 
@@ -51,7 +51,11 @@ class JosephBelief:
 
         A adds h times the velocities to the positions: P Aᵀ adds one half of the columns to the other, and (P Aᵀ)ᵀ Aᵀ,
         after a transposition, is A P Aᵀ.
+
+        Raises:
+            BadInput: u is not finite; nothing is changed then.
         """
+        check_finite(inputs, "forces of a formation")
         daxpy(self._speeds, self._places, self._places.size, step.duration_s)
         self.state += step.input_map.dot(inputs)
         before, after = self._held, self._spare
@@ -73,8 +77,9 @@ class JosephBelief:
             values: z, shape (k,).
             noise: R, symmetric, shape (k, k).
         Raises:
-            BadInput: R is not positive definite; nothing is changed then.
+            BadInput: z is not finite or R not positive definite; nothing is changed then.
         """
+        check_finite(values, "an observation")
         check_positive(noise, "covariance of an observation")
         matrix, columns = self._held.whole, rows.T
         shared = dgemm(1.0, matrix, columns)

@@ -8,9 +8,9 @@ halves, and a pair is a sum over neighbouring rows. Nobody but the filters sees 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,10 @@ class FormationModel:
         return scale * step_s**2 * position, scale * step_s * steps**2 / 2, scale * steps
 
     @cached_property
+    def _steps(self) -> Callable[[int], Step]:
+        return lru_cache(maxsize=64)(partial(_step, self))
+
+    @cached_property
     def pair(self) -> FormationModel:
         """The model of two of the vehicles: that of what is told of a pair."""
         return replace(self, vehicles=2)
@@ -127,7 +131,7 @@ class FormationModel:
 
     def step(self, duration_ns: int) -> Step:
         """What a step of this duration does; steps that were asked for lately are kept."""
-        return _step(self, duration_ns)
+        return self._steps(duration_ns)
 
     def transition(self, duration_s: float) -> NDArray[np.float64]:
         """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do without."""
@@ -200,7 +204,6 @@ def _incidence(vehicles: int) -> NDArray[np.float64]:
     return np.eye(vehicles)[:-1] - np.eye(vehicles)[1:]
 
 
-@lru_cache(maxsize=64)
 def _step(model: FormationModel, duration_ns: int) -> Step:
     seconds, order = duration_ns * NANOSECOND, model.split_order
     noise = np.asfortranarray(model.process_noise(seconds)[np.ix_(order, order)])

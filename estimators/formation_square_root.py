@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from .formation_covariance import check_positive
+from .formation_covariance import check_finite, check_positive
 from .formation_model import Step
 
 
@@ -36,7 +36,12 @@ class SquareRootBelief:
         return product
 
     def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
-        """[S⁺ 0] = [A S, Q^½] Θ with Θ orthogonal            Kaminski, Bryson and Schmidt 1971."""
+        """x̂⁺ = A x̂ + B u,  [S⁺ 0] = [A S, Q^½] Θ with Θ orthogonal            Kaminski, Bryson and Schmidt 1971.
+
+        Raises:
+            BadInput: u is not finite; nothing is changed then.
+        """
+        check_finite(inputs, "forces of a formation")
         half = len(self.state) // 2
         self.state[:half] += step.duration_s * self.state[half:]
         self.state += step.input_map.dot(inputs)
@@ -54,8 +59,9 @@ class SquareRootBelief:
             values: z, shape (k,).
             noise: R, symmetric, shape (k, k).
         Raises:
-            BadInput: R is not positive definite; nothing is changed then.
+            BadInput: z is not finite or R not positive definite; nothing is changed then.
         """
+        check_finite(values, "an observation")
         check_positive(noise, "covariance of an observation")
         count, size = len(noise), len(self._root)
         array = np.zeros((count + size, count + size))

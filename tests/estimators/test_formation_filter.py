@@ -1,5 +1,8 @@
 """The formation model and its filter, against the dense textbook form."""
 
+import sys
+from typing import get_args
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,7 +16,7 @@ from volery.randomness import stream
 
 STEP_NS = 33_333_333
 STEP_S = STEP_NS * 1e-9
-FORMS: tuple[Form, ...] = ("joseph", "square-root")
+FORMS: tuple[Form, ...] = get_args(Form)
 
 
 def normals(seed: int, *shape: int) -> NDArray[np.float64]:
@@ -219,9 +222,19 @@ def test_a_step_that_does_not_go_forward_or_goes_too_far_is_refused_and_changes_
     for time_ns in (10, 9, 111):
         with pytest.raises(BadInput, match="at most"):
             own.predict(time_ns, forces)
-    for wrong in (np.zeros(6), np.full(9, np.inf)):
-        with pytest.raises(BadInput, match="3 finite ones for each of 3"):
+    for wrong, reason in ((np.zeros(6), "3 for each of 3"), (np.full(9, np.inf), "forces .* not finite")):
+        with pytest.raises(BadInput, match=reason):
             own.predict(110, wrong)
     np.testing.assert_array_equal(own.state, np.ones(12))
     own.predict(110, forces)
     assert own.time_ns == 110
+
+
+def test_the_compiled_form_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without Numba it is refused with what to install; the others need none."""
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.delitem(sys.modules, "volery.estimators.formation_compiled", raising=False)
+    FormationFilter(FormationModel(3), np.zeros(12), form="joseph")
+    FormationFilter(FormationModel(3), np.zeros(12), form="square-root")
+    with pytest.raises(BadInput, match=r"pip install 'volery\[fast\]', or choose joseph"):
+        FormationFilter(FormationModel(3), np.zeros(12), form="compiled")
