@@ -23,6 +23,7 @@ from .altitude_parameters import AltitudeEkfParameters
 from .measurements import Measurement
 from .payloads import DamagedPayload
 from .plan import Plan
+from .same_plan import Same
 from .sensor_node import SensorNodeParameters, numbers, widths
 
 ALTITUDE, BIAS, COUNTS = "altitude", "barometer bias", "measurements"
@@ -110,7 +111,7 @@ class AltitudeEkf(Agent):
     @classmethod
     def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
         """What the same filter says that has every measurement at the instant at which it was taken."""
-        return _courses(_Same(plan)).get(quantity, {}).get(index)
+        return _courses(Same(plan)).get(quantity, {}).get(index)
 
     @classmethod
     def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
@@ -179,21 +180,8 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
                 yield f"component {name} has no sensor: node {node} has {', '.join(told) or 'none'}"
 
 
-class _Same:
-    """A plan as a key: itself only."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.plan is self.plan
-
-    def __hash__(self) -> int:
-        return id(self.plan)
-
-
 @lru_cache(maxsize=2)
-def _courses(same: _Same) -> dict[str, dict[int, NDArray[np.float64]]]:
+def _courses(same: Same) -> dict[str, dict[int, NDArray[np.float64]]]:
     """Quantity → index → what the filter says at that estimate's instant, with all that was measured until then."""
     plan, parameters = same.plan, _parameters(same.plan)
     of = parameters.filter()

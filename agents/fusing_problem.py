@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..estimators.average_consensus import AverageConsensus, average_consensus
 from ..estimators.gaussian import Gaussian, Measurement, Step, corrected, measured_information, moved, predict
 from .plan import Plan
+from .same_plan import Same
 
 Readings = Mapping[str, NDArray[np.float64] | None]
 """Sensor → what it said at one sample; None where it saw nothing, absent where there is none."""
@@ -92,24 +93,11 @@ class Whole:
 
 def whole(plan: Plan, problem: Callable[[Plan], Problem]) -> Whole:
     """The run of a plan; the last few are kept, as they are asked for sample by sample."""
-    return _whole(_Same(plan), problem)
-
-
-@dataclass(frozen=True, eq=False)
-class _Same:
-    """A plan as a key: the same object, as plans that hold mappings cannot be hashed."""
-
-    plan: Plan
-
-    def __hash__(self) -> int:
-        return id(self.plan)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.plan is other.plan
+    return _whole(Same(plan), problem)
 
 
 @lru_cache(maxsize=4)
-def _whole(same: _Same, problem: Callable[[Plan], Problem]) -> Whole:
+def _whole(same: Same, problem: Callable[[Plan], Problem]) -> Whole:
     return Whole(same.plan, problem(same.plan))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,13 +80,24 @@ class Mhe(Agent):
     def on_timer(self, timer: Timer) -> None:
         """Estimate this point."""
         for configuration, track in self._tracks.items():
-            pair = track.estimate()
+            pair = track.estimate(timer.index)
             self._bounded += pair.window.bounded
             for quantity, value in reported(configuration, pair):
                 self.context.report(quantity, value, timer.index)
         counts = [self._counts[outcome] for outcome in _OUTCOMES]
         self.context.report(COUNTS, [*counts, self._bounded], timer.index)
         self._wait(timer.index + 1)
+
+    def save(self) -> Any:
+        """Windows, filters and counts."""
+        return [[track.save() for track in self._tracks.values()], dict(self._counts), self._bounded]
+
+    def restore(self, state: Any) -> None:
+        """Go on from there; the time in between is a gap."""
+        tracks, counts, self._bounded = state
+        self._counts = Counter(counts)
+        for track, saved in zip(self._tracks.values(), tracks, strict=True):
+            track.restore(saved)
 
     @classmethod
     def sends_per_second(cls, parameters: MheParameters) -> float:
@@ -198,7 +210,7 @@ def _courses(same: Same) -> dict[str, dict[int, Floats]]:
                 assert value is not None
                 track.put(sensor, point, value)
         for configuration, track in tracks.items():
-            for quantity, value in reported(configuration, track.estimate()):
+            for quantity, value in reported(configuration, track.estimate(point)):
                 courses.setdefault(quantity, {})[point] = value
     return courses
 

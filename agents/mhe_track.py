@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +57,13 @@ class Track:
         take(point - self._first, where, values)
         return LATE
 
-    def estimate(self) -> Pair:
-        """Go on to the next point, with what there is of it, and estimate."""
+    def estimate(self, point: int) -> Pair:
+        """Go on to a point, with what there is of it and of those before it, and estimate."""
+        while self._estimated < point:
+            self._go_on()
+        return Pair(self._window.estimate(), self._filter.state)
+
+    def _go_on(self) -> None:
         self._estimated += 1
         inputs, measured = (np.full(size, np.nan) for size in self._sizes)
         for sensor, values in self._waiting.pop(self._estimated, ()):
@@ -71,7 +77,16 @@ class Track:
             self._window.advance(inputs, measured)
             self._filter.predict(inputs)
         self._filter.update(measured)
-        return Pair(self._window.estimate(), self._filter.state)
+
+    def save(self) -> list[Any]:
+        """Window and filter as plain values; samples of points that are still to come are not kept."""
+        return [self._first, self._estimated, self._window.save(), self._filter.save()]
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Go on from what `save` gave; the points in between have no samples."""
+        self._first, self._estimated, window, filtered = saved
+        self._window.restore(window)
+        self._filter.restore(filtered)
 
 
 def widths(sensors: Sequence[str]) -> list[int]:

@@ -60,9 +60,9 @@ class SensorNode(Agent):
         rates, found = _sensors(plan, name), widths(plan, name)
         parameters: SensorNodeParameters = plan.agent(name).parameters
         sizes = [
-            measurements.largest_size(parameters.number(sensor), width, parameters.payload)
-            for sensor, width in found.items()
-            if width is not None
+            measurements.largest_size(number, width, parameters.payload)
+            for sensor, number in numbers(plan, name)
+            if (width := found[sensor]) is not None
         ]
         return Offer(max(sizes) if len(sizes) == len(rates) > 0 else None, sum(rates.values()))
 
@@ -91,9 +91,10 @@ def _problem(name: str, parameters: SensorNodeParameters, rates: dict[str, Hertz
 
 
 def numbers(plan: Plan, name: str) -> list[tuple[str, int]]:
-    """The sensors of a node, and their numbers on the wire."""
+    """The sensors of a node that it lists, and their numbers on the wire."""
     parameters: SensorNodeParameters = plan.agent(name).parameters
-    return [(sensor, parameters.number(sensor)) for sensor in _sensors(plan, name)]
+    listed = [sensor for sensor in _sensors(plan, name) if sensor in parameters.sensors or not parameters.sensors]
+    return [(sensor, parameters.number(sensor)) for sensor in listed]
 
 
 def widths(plan: Plan, name: str) -> dict[str, int | None]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,3 +56,11 @@ class ErrorStateKalman:
             still, self.covariance, C[0], measured - expected[0], self._model.noise.measurements
         )
         self.state = self._model.retract(self.state[np.newaxis], error[np.newaxis])[0]
+
+    def save(self) -> list[Any]:
+        """All that it has, as plain values."""
+        return [array.tolist() for array in (self.state, self.covariance, self._inputs, self._measured)]
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Go on from what `save` gave."""
+        self.state, self.covariance, self._inputs, self._measured = (np.array(array) for array in saved)

@@ -6,7 +6,9 @@ not at all. Letters as in `error_state`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +115,19 @@ class MovingHorizon:
         self._states = self._model.retract(self._states, smoothed.errors)
         self._disturbances = smoothed.disturbances
         return Estimated(self._states[-1].copy(), smoothed.covariance, smoothed.disturbances, smoothed.bounded)
+
+    def save(self) -> list[Any]:
+        """All that it has, as plain values."""
+        arrays = (self._prior, self._covariance, self._before)
+        tables = (self._states, self._inputs, self._measured, self._disturbances)
+        return [self._first, [array.tolist() for array in arrays], [table.tolist() for table in tables]]
+
+    def restore(self, saved: Sequence[Any]) -> None:
+        """Go on from what `save` gave."""
+        self._first, arrays, tables = saved
+        self._prior, self._covariance, self._before = (np.array(array) for array in arrays)
+        self._states, self._inputs, self._measured = (np.array(table) for table in tables[:3])
+        self._disturbances = np.array(tables[3]).reshape(-1, self._disturbances.shape[1])
 
     def window(self) -> Window:
         """The window as it stands, linearised about its reference."""

@@ -90,7 +90,8 @@ def validate_plan(plan: Plan, overload: bool = False) -> Validation:
 
 def _rows(plan: Plan, payloads: dict[str, int | None], rates: dict[str, float | None]) -> Iterator[MediumUse]:
     def use(link: LinkName, settings: LinkSettings) -> tuple[int, float | None]:
-        return settings.airtime_ns(payloads[link[0]] or 0), rates[link[0]] if payloads[link[0]] is not None else None
+        payload, rate = payloads[link[0]], rates[link[0]]
+        return settings.airtime_ns(payload or 0), rate if payload is not None or rate == 0 else None
 
     for link, settings in plan.links.items():
         airtime, rate = use(link, settings)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import msgpack
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from volery.estimators.quadrotor_model import Deviations
 from volery.experiments.record import Collector, Record
 from volery.experiments.scenario import compile_plan, load_scenario
 from volery.experiments.twin import Twin
+from volery.experiments.validate import validate_plan
 from volery.worlds.quadrotor_sensors import DEVIATIONS
 
 Floats = NDArray[np.float64]
@@ -130,12 +132,36 @@ def test_one_that_comes_back_begins_anew_and_finds_its_way() -> None:
     assert (abs(errors(record, "attitude A", since=170)) < 1e-3).all()
 
 
+def test_one_that_keeps_its_state_goes_on_where_it_stood() -> None:
+    """A track that takes up what another saved says the same bits from there on; counts of a killed hub go on too."""
+    sensors = {"imu": ("gyroscope", "accelerometer", "magnetometer"), "eye": ("flow",), "low": ("range_centre",)}
+    parameters = MheParameters(sensors, horizon=4, gyroscope_bias=True)
+    one, other = Track(parameters, "A", 3), Track(parameters, "A", 9)
+    rng = np.random.default_rng(1)
+
+    def feed(tracks: list[Track], point: int) -> list[Floats]:
+        for sensor, size in (("gyroscope", 3), ("magnetometer", 3), ("flow", 2)):
+            values = rng.normal(size=size) * 0.1
+            for track in tracks:
+                track.put(sensor, point, values)
+        return [track.estimate(point).window.state for track in tracks]
+
+    for point in range(3, 12):
+        feed([one], point)
+    other.restore(msgpack.unpackb(msgpack.packb(one.save())))
+    for point in (12, 15, 16):
+        mine, others = feed([one, other], point)
+        assert (mine == others).all()
+    fault = "faults=[{at: 500 ms, for: 100 ms, kill: hub, keep_state: true}]"
+    record = flown("mhe-yaw", "duration=800 ms", "world.yaw=0 rad", f"{HUB}.configurations=[A]", fault)
+    assert record.estimates(COUNTS)["hub"].value[-1, 0] > 9 * 60
+
+
 def test_a_track_knows_what_is_late_and_what_it_has_no_use_for() -> None:
     """By the point of the newest estimate and that of the window's oldest."""
     track = Track(MheParameters({"imu": ("gyroscope", "accelerometer", "magnetometer")}, horizon=2), "A", 5)
     assert track.put("magnetometer", 5, np.ones(3)) == IN_TIME
-    for _ in range(4):
-        track.estimate()
+    track.estimate(8)
     assert [track.put("magnetometer", point, np.ones(3)) for point in (5, 6, 8, 9)] == [TOO_LATE, LATE, LATE, IN_TIME]
     inertial = Track(MheParameters({"imu": ("magnetometer",), "eye": ("flow",)}, configurations=("B",)), "B", 0)
     assert inertial.put("flow", 0, np.zeros(2)) is None
@@ -215,12 +241,22 @@ def test_what_cannot_estimate_is_refused(changes: dict[str, Any], said: str) -> 
         ((f"{HUB}.sensors={{tail: [flow]}}",), "sensors of hub name tail, which is no neighbour of it"),
         ((f"{HUB}.sensors={{left: [flow]}}",), r"say that left has \[flow\], but it tells of \[range_left\]"),
         ((f"{HUB}.where=[hub, back]",), "agents back, hub are mhe"),
+        (
+            ("agents.only.0.sensors=[gyroscope, compass]",),
+            "sensor node imu lists gyroscope, compass, the world gives it",
+        ),
     ],
 )
 def test_what_does_not_fit_the_scenario_is_refused(changes: tuple[str, ...], said: str) -> None:
     """At its place in the file, or with the names of those who do not fit."""
     with pytest.raises(BadInput, match=said):
         compile_plan(load_scenario("mhe-roll", (f"{HUB}.configurations=[A]", *changes)))
+
+
+def test_a_hub_that_only_listens_offers_nothing() -> None:
+    """Its links are known to carry nothing, though nobody knows what it would send."""
+    validation = validate_plan(compile_plan(load_scenario("mhe-roll")))
+    assert {row.medium: row.utilisation for row in validation.rows}["hub>imu"] == 0.0
 
 
 def test_the_models_believe_what_the_world_does() -> None:
