@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 import scipy
 import scipy.linalg  # loads scipy's own BLAS, so that every process lists the same libraries
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """As in an agent's process: the bits of a large product depend on how many threads share it."""
+    limits: AbstractContextManager[Any] = threadpool_limits(1, user_api="blas")
+    return limits
 
 
 def fingerprint() -> dict[str, Any]:

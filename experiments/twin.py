@@ -14,6 +14,7 @@ from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
 from ..transport.media import AIR
+from .machine import one_blas_thread
 
 _PROGRESS_EVERY_NS = 100_000_000
 _RESTART = 2
@@ -52,7 +53,8 @@ class Twin:
         self.heap: list[Event] = []
         self._dead: list[Node] = []
         self._order = {agent.name: index for index, agent in enumerate(plan.everybody)}
-        self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.everybody}
+        with one_blas_thread():
+            self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.everybody}
         for agent in plan.agents:
             for incarnation, kill in enumerate(plan.kills(agent.name), start=1):
                 if kill.until_ns is not None:
@@ -103,7 +105,8 @@ class Twin:
             return go_on is None or go_on(now_ns)
 
         self._sink.event({"event": "started", "time_ns": 0})
-        end_ns = fabric.run(self.heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
+        with one_blas_thread():
+            end_ns = fabric.run(self.heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
         for node in self.nodes.values():
             if not node.dead:
                 node.finish()

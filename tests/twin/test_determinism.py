@@ -12,8 +12,9 @@ from hashlib import sha256
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from volery.agents.agent import Agent
+from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.record import Record
 from volery.transport.faults import LinkFault, Pause
@@ -63,6 +64,38 @@ def test_other_versions_of_python_give_the_same_journal() -> None:
     if not other or shutil.which(other) is None:
         pytest.skip("VOLERY_OTHER_PYTHON names no other interpreter")
     assert journals(other, 5, 1) == journals(sys.executable, 6, 1)
+
+
+class Counter(Agent):
+    """It reports how many threads BLAS may use where it is made, and where it runs."""
+
+    timers_only = True
+
+    def __init__(self, context: Any, parameters: Any) -> None:
+        super().__init__(context, parameters)
+        self._made = self._threads()
+
+    def start(self) -> None:
+        """Set a timer."""
+        self.context.set_timer(MS)
+
+    def on_timer(self, timer: Timer) -> None:
+        """Report."""
+        self.context.report("threads", [self._made, self._threads()], 0)
+
+    def _threads(self) -> float:
+        return float(max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"))
+
+
+def test_the_twin_computes_on_one_thread_as_agents_processes_do(
+    plan_of: Any, twin_run: Callable[[Plan], Record]
+) -> None:
+    """Bits of large products depend on the number of threads; afterwards there are as many as before."""
+    with threadpool_limits(2, user_api="blas"):
+        record = twin_run(plan_of([("1", "2")], Counter))
+        assert max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas") == 2
+    told = [estimate.value for batch in record.batches.values() for estimate in batch.estimates]
+    assert told == [[1.0, 1.0], [1.0, 1.0]]
 
 
 def stories(record: Record, link: tuple[str, str]) -> list[Any]:
