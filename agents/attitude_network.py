@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..estimators import largest_step, least_squares_attitude
 from ..estimators.metrics import attitude_difference, integrated_square_error
-from ..rotations import euler_to_quaternion, rotate
+from ..rotations import euler_to_quaternion, rotate, same_sign
 from ..units import period_ns
 from ..worlds import DIRECTIONS, RigidBodyWorld
 from .agent import Finding, RunData
@@ -49,7 +49,8 @@ def truth(plan: Plan, index: int) -> Floats:
 def oracle(plan: Plan, index: int) -> Floats | None:
     """The attitude that fits best the directions that all sensors of the network see in one sample.
 
-    Each is turned into the body's frame by the mounting of its unit. None where they leave a turn open.
+    Each is turned into the body's frame by the mounting of its unit. Of q and −q, which are one attitude, that nearer
+    to the true one. None where the directions leave a turn open.
     """
     observed, references = [], []
     for unit in network(plan):
@@ -61,7 +62,8 @@ def oracle(plan: Plan, index: int) -> Floats | None:
                 mounting = euler_to_quaternion(*(unit.parameters.mounting(unit.name) or (0.0, 0.0, 0.0)))
                 observed.append(rotate(mounting, value / norm))
                 references.append(direction)
-    return least_squares_attitude(np.array(observed).reshape(-1, 3), np.array(references).reshape(-1, 3))
+    found = least_squares_attitude(np.array(observed).reshape(-1, 3), np.array(references).reshape(-1, 3))
+    return None if found is None else same_sign(found, truth(plan, index))
 
 
 def findings(plan: Plan, run: RunData) -> Sequence[Finding]:

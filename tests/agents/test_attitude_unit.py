@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from volery.agents.attitude_network import problems
+from volery.agents.attitude_unit import AttitudeUnit
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.estimators import ToldAttitude, consensus_step, learned_quaternion
@@ -279,6 +281,19 @@ def test_late_frames_are_counted_and_used_where_they_may_be() -> None:
         assert rms_deg(samples(record, "attitude"), 2) < 2.0
 
 
+def test_the_oracle_is_the_least_squares_of_one_sample_near_the_truth() -> None:
+    """None where the sensors that are left leave a turn open; its sign is that of the truth, whatever that is."""
+    fault = "faults=[{at: 1 s, sensor: [1.accelerometer, 2.accelerometer, 3.accelerometer], failed: true}]"
+    plan = planned("duration=3 s", STEADY, "world.attitude=[0, 0, 170 deg]", "world.rates=[0, 0, 15 deg/s]", fault)
+    before, later = AttitudeUnit.oracle(plan, "attitude", 9), AttitudeUnit.oracle(plan, "attitude", 11)
+    true = AttitudeUnit.truth(plan, "attitude", 9, 0)
+    assert later is None
+    assert before is not None
+    assert true is not None
+    assert true[0] < 0
+    assert before @ true > math.cos(math.radians(5) / 2)
+
+
 def test_findings_name_every_unit() -> None:
     """Its error in degrees, and the integral of the square of half of it, Betanzos 2024, (31)."""
     record = run(planned("duration=10 s"))
@@ -334,7 +349,5 @@ def test_units_that_disagree_about_the_network_are_refused() -> None:
     plan = planned()
     first, *others = plan.agents
     changed = replace(first, parameters=replace(first.parameters, alone=()))
-    from volery.agents.attitude_network import problems
-
     assert problems(plan) == []
     assert "write the same for all" in problems(replace(plan, agents=(changed, *others)))[0]
