@@ -118,8 +118,8 @@ class Context(Protocol):
     def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
         """Write down an estimate; `index` is the sample it belongs to."""
 
-    def command(self, name: str, value: ArrayLike) -> None:
-        """Act upon a coupled world: the command takes effect `compute` and the world's act delay later.
+    def command(self, commands: Mapping[str, ArrayLike]) -> None:
+        """Act upon a coupled world, by name: the commands take effect `compute` and the world's act delay later.
 
         Raises:
             BadInput: the scenario's world is not coupled.

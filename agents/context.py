@@ -15,7 +15,7 @@ from .agent import Onlooker, Timer
 from .journal import NOTED, Estimate
 from .plan import WORLD, AgentPlan, Plan
 from .registry import find
-from .wires import pack_command
+from .wires import pack_commands
 
 if TYPE_CHECKING:
     from .node import Node
@@ -98,11 +98,12 @@ class NodeContext:
         flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
         self._node.journal.estimates.append(Estimate(self._node.now_ns, quantity, index, flat))
 
-    def command(self, name: str, value: ArrayLike) -> None:
+    def command(self, commands: Mapping[str, ArrayLike]) -> None:
         """Act upon a coupled world."""
         if WORLD not in self._me.wired:
-            raise BadInput(f"agent {self.name} commands {name!r}, and this scenario's world takes no commands")
-        self.wire(WORLD, pack_command(name, np.asarray(value, dtype=np.float64)))
+            named = ", ".join(commands)
+            raise BadInput(f"agent {self.name} commands {named}, and this scenario's world takes no commands")
+        self.wire(WORLD, pack_commands(commands))
 
     def note(self, what: str, **facts: Any) -> None:
         """Write down that something happened."""

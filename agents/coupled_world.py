@@ -21,7 +21,7 @@ from .agent import Agent, Received, Sample, Timer
 from .context import NodeContext
 from .plan import WORLD, AgentPlan, Plan, Running
 from .sensing import Disturbances
-from .wires import pack_samples, unpack_command
+from .wires import pack_samples, unpack_commands
 
 KIND = "coupled-world"
 ORACLE = "oracle "
@@ -131,9 +131,9 @@ class CoupledWorld(Agent):
             self.context.note(facts.pop("event"), **facts)
 
     def on_frame(self, frame: Received) -> None:
-        """A command takes effect."""
-        command, value = unpack_command(frame.payload)
+        """Commands take effect."""
         self._running.advance(self.context.now_ns)
-        self._running.act(frame.source, command, value)
-        if self._onlooker is not None:
-            self._onlooker.commanded(frame.source, command, value, self.context.now_ns)
+        for command, value in unpack_commands(frame.payload).items():
+            self._running.act(frame.source, command, value)
+            if self._onlooker is not None:
+                self._onlooker.commanded(frame.source, command, value, self.context.now_ns)

@@ -33,6 +33,7 @@ from .lockstep import Lockstep
 from .node import Node
 from .pacing import Realtime
 from .plan import Plan
+from .sending import Put
 
 FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
@@ -189,7 +190,7 @@ class _Shell:
         return orders[do](**order)
 
     def _rehearse(self) -> bool:
-        """Use each link once, and run the first moments on a node that is thrown away and hears its own frames.
+        """Use each link once, and run the first moments on nodes that are thrown away, which hear their own frames.
 
         Agents are pure and an empty promise says nothing, so that nothing comes of it but warm code and known routes:
         the first round of the run is not slower than the rest.
@@ -197,16 +198,29 @@ class _Shell:
         for outlet in self._links:
             say = air_promise if outlet == AIR else promise
             self._write(outlet, say(self._it.incarnation, 0, 0))
-        heap: list[Event] = []
-
-        def echo(outlet: str, message: Message) -> None:
-            for target in self._it.plan.agent(self._it.name).neighbours if outlet == AIR else (outlet,):
-                node.receive(target, decode(encode(message)))
-
         with contextlib.suppress(Exception):
-            node = Node(self._it.plan, self._it.name, heap, echo)
-            fabric.run(heap, _REHEARSAL_NS)
+            self._play()
         return True
+
+    def _play(self) -> None:
+        """The first moments, with one of those to whom it is wired: a coupled world, or for that one agent."""
+        plan, me = self._it.plan, self._it.plan.agent(self._it.name)
+        heap: list[Event] = []
+        nodes: dict[str, Node] = {}
+
+        def carry(source: str) -> Put:
+            def put(outlet: str, message: Message) -> None:
+                if outlet in nodes:
+                    nodes[outlet].receive(source, decode(encode(message)))
+                elif source == me.name and outlet not in me.wired:
+                    for target in me.neighbours if outlet == AIR else (outlet,):
+                        nodes[source].receive(target, decode(encode(message)))
+
+            return put
+
+        for name in (me.name, *me.wired[:1]):
+            nodes[name] = Node(plan, name, heap, carry(name))
+        fabric.run(heap, _REHEARSAL_NS)
 
     def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, beginning: dict[str, Any]) -> bool:
         """Come to life at `start_ns`, with the live faults so far and what the last life has left."""

@@ -17,6 +17,7 @@ _BUILT_IN = {
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-kalman": "volery.agents.dfa_kalman:DfaKalman",
     "dfa-module": "volery.agents.dfa_module:DfaModule",
+    "mav": "volery.agents.mav:Mav",
     "mhe": "volery.agents.mhe:Mhe",
     "tracker": "volery.agents.tracker:Tracker",
     "sensor-node": "volery.agents.sensor_node:SensorNode",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import payloads
 from .agent import Sample
@@ -30,12 +30,13 @@ def unpack_samples(payload: bytes) -> list[Sample]:
     ]
 
 
-def pack_command(command: str, value: NDArray[np.float64]) -> bytes:
-    """A command and its value, bit for bit."""
-    return payloads.encode((command, np.ravel(value)), precision="float64")
+def pack_commands(commands: Mapping[str, ArrayLike]) -> bytes:
+    """Commands that are given at one instant, bit for bit."""
+    flat = {name: np.asarray(value, dtype=np.float64).ravel() for name, value in commands.items()}
+    return payloads.encode(flat, precision="float64")
 
 
-def unpack_command(payload: bytes) -> tuple[str, NDArray[np.float64]]:
-    """What `pack_command` was given, the value flat."""
-    command, value = payloads.decode(payload)
-    return command, value
+def unpack_commands(payload: bytes) -> dict[str, NDArray[np.float64]]:
+    """What `pack_commands` was given, each value flat."""
+    commands: dict[str, NDArray[np.float64]] = payloads.decode(payload)
+    return commands

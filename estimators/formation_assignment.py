@@ -134,6 +134,28 @@ def assignment(
     return min(trees, key=lambda tree: sum(distances[i, j] for i, j in enumerate(tree)))
 
 
+def occlusions(positions: ArrayLike, radius: float) -> set[Pair]:
+    """(observer, seen) of those between whom another vehicle stands: nearer, and with the line of sight through it.
+
+    Args:
+        positions: shape (N, 3) [m].
+        radius: of the sphere that stands for a vehicle [m].
+    """
+    places = as_array(positions, (None, 3), "positions of a formation")
+    apart = places - places[:, np.newaxis]
+    distance = np.linalg.norm(apart, axis=-1)
+    found: set[Pair] = set()
+    for i, j in np.argwhere(distance > 0).tolist():
+        sight = apart[i, j] / distance[i, j]
+        along = apart[i] @ sight
+        across = np.linalg.norm(apart[i] - along[:, np.newaxis] * sight, axis=-1)
+        between = (along > 0) & (along < distance[i, j]) & (across < radius)
+        between[[i, j]] = False
+        if between.any():
+            found.add((i, j))
+    return found
+
+
 def _tree(distances: NDArray[np.float64], root: int) -> tuple[int, ...] | None:
     """Parents of a tree that grows from its root, nearest first, and what the root tracks; None where it cannot."""
     vehicles = len(distances)

@@ -66,27 +66,36 @@ class FrameConsensus:
         memory_ns: int = _SECOND_NS,
     ) -> None:
         check_anchor(anchor)
-        if name in weights or not all(weight > 0.0 for weight in weights.values()):
-            raise BadInput(f"weights at {name} are {dict(weights)}: give positive ones, of neighbours only")
-        most = sum(weights.values())
-        if not step > 0.0 or not step * most < 2.0 - anchor:
-            bound = (2.0 - anchor) / most if most else float("inf")
-            raise BadInput(f"step at {name} is {step:g}: above 0 and, by its own weights alone, below {bound:.6g}")
         if memory_ns <= 0:
             raise BadInput(f"memory at {name} is {memory_ns} ns: must be above 0, and longer than messages take")
         self.name = name
         self.correction = _SAME_FRAME
-        self._model, self._step, self._memory_ns = model, step, memory_ns
-        self._weights = {**weights, name: anchor / step}
-        self._anchored = anchor > 0.0
+        self._model, self._step, self._anchor, self._memory_ns = model, step, anchor, memory_ns
+        self._frames: dict[str, Floats] = {}
+        self._weights: dict[str, float] = {}
+        self.weigh(weights)
         self._estimate: ImuEstimate | None = None
         self._first: dict[str, Floats] = {}
         self._now_ns = 0
         self._times: list[int] = []
         self._states: list[Floats] = []
         self._known: list[Floats | None] = []
-        self._frames: dict[str, Floats] = {}
         self._newest: dict[str, int] = {}
+
+    def weigh(self, weights: Mapping[str, float]) -> None:
+        """Count these neighbours from now on; what was heard of others is forgotten.
+
+        Raises:
+            BadInput: as for a new one.
+        """
+        if self.name in weights or not all(weight > 0.0 for weight in weights.values()):
+            raise BadInput(f"weights at {self.name} are {dict(weights)}: give positive ones, of neighbours only")
+        most, step = sum(weights.values()), self._step
+        if not step > 0.0 or not step * most < 2.0 - self._anchor:
+            bound = (2.0 - self._anchor) / most if most else float("inf")
+            raise BadInput(f"step at {self.name} is {step:g}: above 0 and, by its own weights alone, below {bound:.6g}")
+        self._weights = {**weights, self.name: self._anchor / step}
+        self._frames = {name: frame for name, frame in self._frames.items() if name in weights}
 
     # -- The own frame --------------------------------------------------------------------------------------------
 
@@ -208,7 +217,7 @@ class FrameConsensus:
             return None
         frames, self._frames = self._frames, {}
         apart = [angle_between(self.correction, frame) for frame in frames.values()]
-        if self._anchored:
+        if self._anchor > 0.0:
             frames[self.name] = _SAME_FRAME
         self.correction = consensus_step(self.correction, frames, self._weights, self._step)
         return math.hypot(*apart) / math.sqrt(len(apart))

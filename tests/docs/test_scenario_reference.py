@@ -18,6 +18,7 @@ from volery.agents.attitude_parameters import AttitudeParameters
 from volery.agents.beacon import BeaconParameters
 from volery.agents.dfa_kalman import DfaKalmanParameters
 from volery.agents.dfa_parameters import DfaParameters
+from volery.agents.mav_parameters import Filtering, Frames, Leg, MavParameters, Messages
 from volery.agents.mhe_parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.agents.tracker import TrackerParameters
@@ -48,6 +49,11 @@ KINDS = (
     Ground,
     GroundJumps,
     Imu,
+    Filtering,
+    Frames,
+    Leg,
+    MavParameters,
+    Messages,
     MheParameters,
     RangeFinder,
     Robot,

@@ -121,7 +121,7 @@ class Driver(Agent):
         if sample.index % 5 == 0:
             self.context.broadcast(sample.value.tobytes())
         mean = sum(self.places.values()) / len(self.places)
-        self.context.command("push", [mean - self.places[self.context.name]])
+        self.context.command({"push": [mean - self.places[self.context.name]]})
         if sample.index % 2 == 0:
             self.context.report("places", list(self.places.values()), sample.index // 2)
 

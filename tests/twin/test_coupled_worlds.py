@@ -38,7 +38,7 @@ class Pusher(Agent):
 
     def start(self) -> None:
         """At once."""
-        self.context.command("push", [1.0])
+        self.context.command({"push": [1.0]})
 
 
 class Line:
@@ -182,7 +182,7 @@ def test_what_the_middleware_loses_on_a_wire_is_noticed(loop: Callable[..., Plan
 
 def test_commands_need_a_world_that_takes_them(plan_of: Any, twin_run: Twin) -> None:
     """Who commands where nothing can be commanded is told so."""
-    with pytest.raises(BadInput, match="agent 1 commands 'push', and this scenario's world takes no commands"):
+    with pytest.raises(BadInput, match="agent 1 commands push, and this scenario's world takes no commands"):
         twin_run(plan_of(RING, Pusher, LinkSettings(latency=Constant(MS))))
 
 

@@ -1,0 +1,223 @@
+"""Vehicles in formation, flown in the twin: steps, lost packets, old packets, lost sight, death, and bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from volery.agents.mav_findings import estimate_spread, mean_nees, pushed_centre, shape_errors
+from volery.errors import BadInput
+from volery.experiments.metrics import compute_metrics
+from volery.experiments.record import Collector, Record
+from volery.experiments.samples import samples
+from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.twin import Twin
+
+NO_STEPS = "agents.script=[]"
+NO_FAULTS = "faults=[]"
+QUIET = ("world.undisturbed=true", "links.loss=none", NO_FAULTS)
+BURST = "faults=[{at: 2 s, for: 5 s, where: all, set: {loss: {bernoulli: 1.0}}}]"
+
+
+def fly(name: str, *overrides: str) -> Record:
+    """The record of a scenario in the twin."""
+    plan = compile_plan(load_scenario(name, overrides))
+    collector = Collector()
+    Twin(plan, collector).run()
+    return collector.record(plan)
+
+
+def found(record: Record) -> dict[str, Any]:
+    """Findings by name."""
+    return {one.name: one for one in compute_metrics(record).findings}
+
+
+def test_a_step_of_the_reference_is_flown_without_disturbances() -> None:
+    """From A to B in r₁ₓ alone: 10 to 90 % within 0.4 to 2 s, no overshoot to speak of, and there to a centimetre."""
+    step = "agents.script=[{at: 1 s, reference: B}]"
+    record = fly("mav3", *QUIET, step, "duration=7 s")
+    truth = record.beside["formation"]
+    risen = (truth.value[:, 0] - truth.value[0, 0]) / 0.45
+    tenth, most = (truth.time_ns[np.argmax(risen >= share)] * 1e-9 for share in (0.1, 0.9))
+    assert 0.4 < most - tenth < 2.0
+    assert risen.max() < 1.03
+    assert abs(risen[-1] - 1.0) < 0.01 / 0.45
+    others = truth.value[:, [1, 2, 6, 7, 8]]
+    assert np.abs(others - others[0]).max() < 0.1
+    assert found(record)["drift by differing estimates"].value < 0.1
+
+
+def test_estimates_stand_beside_truth_and_centralised_filter() -> None:
+    """All report the whole formation; without packets lost they are nearer to it than half a reference step."""
+    record = fly("mav3", NO_STEPS, NO_FAULTS, "duration=4 s", "links.loss=none")
+    seen = samples(record, "formation")
+    late = seen.time_ns > 1_000_000_000
+    assert seen.estimate.shape[2] == 12
+    own = np.sqrt((seen.truth_error[late] ** 2).mean())
+    central = np.sqrt(((seen.oracle - seen.truth)[late] ** 2).sum(axis=-1).mean())
+    assert central < own < 1.0
+    positions = [0, 1, 2, 6, 7, 8]
+    assert np.sqrt(((seen.estimate - seen.truth)[late][..., positions] ** 2).mean()) < 0.1
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_burst_drives_estimates_apart_and_the_radio_brings_them_back(seed: int) -> None:
+    """Five seconds without a packet: tens of centimetres apart; within 1 s of the radio's return below 2.5 cm."""
+    record = fly("mav3", NO_STEPS, BURST, "duration=9 s", f"seed={seed}")
+    times, spread = estimate_spread(record.estimates("formation"))
+    during = (times >= 2_000_000_000) & (times < 7_000_000_000)
+    after = (times >= 7_000_000_000) & (times < 8_000_000_000)
+    assert 0.15 < spread[during].max() < 1.0
+    assert spread[after].min() < 0.025
+    parameters = record.plan.agents[0].parameters
+    assert shape_errors(parameters, record.beside["positions"]).max() < 0.45
+
+
+def test_packets_used_as_if_fresh_break_the_loop_and_compensated_ones_do_not() -> None:
+    """With 300 ms of latency: metres and more against decimetres, of which the air alone makes most."""
+    compensated, ignored = (
+        found(fly("mav3-delay", "duration=10 s", f"agents.filtering.delay={delay}"))["formation error"].value
+        for delay in ("compensate", "ignore")
+    )
+    assert compensated < 0.25
+    assert ignored > 20 * compensated
+
+
+def test_lost_from_sight_and_found_again() -> None:
+    """A formation that turns fast: vehicles lose whom they track, say so, turn to where it must be, and find it."""
+    record = fly("mav3-fov", "duration=11 s")
+    assert {"lost from sight", "in sight again"} <= {note["what"] for note in record.notes}
+    assert found(record)["formation error"].value < 0.3
+
+
+def test_the_others_go_on_without_a_vehicle_that_died() -> None:
+    """It is left out by both, whoever tracked it tracks another one, and the report says what is unobservable now."""
+    record = fly("mav3", NO_STEPS, "duration=12 s", "faults=[{at: 2 s, kill: 2}]")
+    left = {(note["agent"], note["vehicle"]) for note in record.notes if note["what"] == "left out"}
+    assert left == {("1", "2"), ("3", "2")}
+    findings = found(record)
+    assert "unobservable: r1, r2" in findings["without vehicle 2"].text
+    assert "among those that are left all relative positions are observable" in findings["without vehicle 2"].text
+    positions = record.beside["positions"]
+    places = positions.value.reshape(-1, 3, 3)
+    apart = np.linalg.norm(places[:, 0] - places[:, 2], axis=-1)[positions.time_ns > 9_000_000_000]
+    assert abs(apart.mean() - 0.9) < 0.15
+
+
+def test_nobody_is_left_out_when_all_are_silent() -> None:
+    """It is the radio then."""
+    record = fly("mav3", NO_STEPS, BURST, "duration=9 s", "agents.silence=1 s")
+    assert not [note for note in record.notes if note["what"] == "left out"]
+
+
+def test_blind_and_deaf_a_vehicle_holds_and_says_so() -> None:
+    """Its camera has failed and no packet comes: it exerts nothing, and goes on when it hears again."""
+    faults = "[{at: 1 s, for: 3 s, where: all, set: {loss: 1.0}}, {at: 1 s, for: 3 s, sensor: 1.camera, failed: true}]"
+    record = fly("mav3", NO_STEPS, f"faults={faults}", "duration=5 s")
+    said = [(note["what"], note["time_ns"]) for note in record.notes if note["agent"] == "1"]
+    assert [what for what, _ in said] == ["lost from sight", "holds", "goes on", "in sight again"] or [
+        what for what, _ in said
+    ] == ["lost from sight", "holds", "in sight again", "goes on"]
+    holds = next(time_ns for what, time_ns in said if what == "holds")
+    forces = record.estimates("force")["1"]
+    during = (forces.time_ns > holds) & (forces.time_ns < 4_000_000_000)
+    assert during.any()
+    assert np.all(forces.value[during] == 0.0)
+
+
+def test_the_filter_says_when_it_is_overconfident() -> None:
+    """Messages that tell again what was told count as news under `kalman`: its NEES is above the bound.
+
+    Covariance intersection, which makes no such claim, stays below it. Both count attitudes as off by 3 degrees.
+    """
+    common = ("agents.report_covariance=1 Hz", NO_STEPS, NO_FAULTS, "duration=12 s", "agents.frames.noise=3 deg")
+    kalman = fly("mav3", *common)
+    careful = fly(
+        "mav3", *common, "agents.filtering.fusion=intersection", "agents.messages={covariance: bound, packet: 58 B}"
+    )
+    value, _, high = mean_nees(kalman) or (0.0, 0.0, 0.0)
+    assert value > high
+    assert "overconfident" in found(kalman)["NEES per degree of freedom"].text
+    value, _, high = mean_nees(careful) or (9.0, 0.0, 0.0)
+    assert value < high
+
+
+def test_frames_agree_better_with_consensus() -> None:
+    """Miscalibrated by a degree or two each, vehicles that agree on a frame are nearer to each other in it."""
+    common = (NO_STEPS, NO_FAULTS, "duration=8 s", "seed=3", "links.loss=none")
+    agreed = found(fly("mav3", *common))["disagreement on the inertial frame"].value
+    alone = found(fly("mav3", *common, "agents.frames.consensus=false"))["disagreement on the inertial frame"].value
+    assert agreed < 0.85 * alone
+
+
+def test_the_centre_is_pushed_by_differences_only() -> None:
+    """Forces that sum to zero move nothing; a common one does, as ½ F/m t²."""
+
+    class Forces:
+        time_ns = np.arange(0, 2_000_000_001, 100_000_000)
+        sample = np.arange(21)
+
+        def __init__(self, force: float) -> None:
+            self.value = np.tile([force, 0.0, 0.0], (21, 1))
+
+    parameters = load_scenario("mav3").agents.parameters
+    _, still = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(-0.3)})
+    assert np.all(still == 0.0)
+    _, moved = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(0.3)})
+    np.testing.assert_allclose(moved[-1], [0.3 / 0.45 * 2.0, 0.0, 0.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (["agents.tracks={1: 2, 2: 1, 3: 9}"], "vehicle 3 tracks 9: name another vehicle"),
+        (["agents.references={A: {places: [[0 m, 0 m], [1 m, 0 m]]}}", NO_STEPS], "2 places for 3 vehicles"),
+        (["agents.messages.packet=40 B"], "a packet of 40 B is too small"),
+        (["agents.rate=1 Hz"], "longer than 250 ms is more than the prediction allows"),
+        (["agents.rate=20 Hz"], "rate is 20 Hz and the camera has 30 Hz"),
+        (["agents.filtering.camera_noise=0 m"], "camera_noise is 0 m"),
+        (["agents.filtering.message_noise=0 m"], "position_noise is 0"),
+        (["agents.filtering.acceleration_noise=0 m/s²"], "acceleration_noise is 0"),
+        (["agents.frames.step=1.2"], "step is 1.2"),
+        (["agents.script=[{at: 1 s, reference: C}]"], "names reference 'C', and there is A, B"),
+        (["agents.script=[{at: 2 s, reference: B}, {at: 1 s, reference: A}]"], "script goes back in time"),
+        (["agents.camera_range=0.5 m"], "no measured pair joins vehicles"),
+        (["links.latency=2 s"], "messages are older than"),
+        (["world=null"], "mav needs a world that it can fly in"),
+        (["topology={complete: 1}"], "complete"),
+    ],
+)
+def test_bad_input_is_refused_with_its_place(changes: list[str], message: str) -> None:
+    """Each with the value, the bound or the remedy."""
+    with pytest.raises(BadInput, match=message):
+        load_scenario("mav3", [*changes])
+
+
+def test_an_assignment_that_cannot_be_observed_names_who_is_cut_off() -> None:
+    """Two pairs that look at each other only."""
+    with pytest.raises(BadInput, match="rank 12 of 18: no measured pair joins vehicles 1 2 with 3 4"):
+        load_scenario(
+            "mav3",
+            [
+                "topology={complete: 4}",
+                "agents.references={A: {ring: 1 m}}",
+                NO_STEPS,
+                "world.start={ring: 1 m}",
+                "agents.tracks={1: 2, 2: 1, 3: 4, 4: 3}",
+            ],
+        )
+
+
+def test_parameters_read_back_equal(tmp_path: Path) -> None:
+    """References and script survive being written to the folder of a run."""
+    from volery.experiments.scenario import resolved_yaml
+
+    scenario = load_scenario("mav3")
+    path = tmp_path / "again.yaml"
+    path.write_text(resolved_yaml(scenario), "utf-8")
+    assert load_scenario(path) == scenario
+    assert json.dumps(scenario.agents.parameters.references["A"]) == '{"triangle": "0.9 m"}'

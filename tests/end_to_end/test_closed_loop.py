@@ -1,0 +1,23 @@
+"""A closed loop over Zenoh: vehicles and their world, a process each, equal to their twin to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from volery.agents.plan import WORLD, Plan
+from volery.experiments.accounting import account
+from volery.experiments.verify import compare, replay
+
+from .conftest import run_swarm
+
+
+def test_a_formation_in_lockstep_equals_its_twin(plan_of: Callable[..., Plan]) -> None:
+    """Three vehicles and the world that they fly in, with lost packets, a camera that fails and a vehicle that dies."""
+    faults = "[{at: 1 s, for: 0.5 s, sensor: 1.camera, failed: true}, {at: 1.5 s, kill: 3}]"
+    record, ending = run_swarm(plan_of("mav3", "duration=2.5 s", "links.loss.bernoulli=0.3", f"faults={faults}"))
+    assert ending.problems == ()
+    assert {name for name, _ in record.batches} == {"1", "2", "3", WORLD}
+    assert len(record.beside["positions"].time_ns) == 75
+    assert len(record.estimates("formation")["1"].time_ns) > 70
+    assert [departure.what for departure in compare(record, replay(record), 0.0)] == []
+    assert all(link.closes for link in account(record).values())
