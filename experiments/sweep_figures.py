@@ -118,14 +118,14 @@ def plot_sweep(chart: Chart, which: Sequence[str], out: Path, formats: Sequence[
 
 def _grid(panels: Sequence[Where], figure: Figure) -> list[tuple[Where, Axes]]:
     """Panels side by side, with their titles."""
-    across = min(len(panels), _PANELS_A_ROW)
-    down = math.ceil(len(panels) / across)
+    down = math.ceil(len(panels) / _PANELS_A_ROW)
+    across = math.ceil(len(panels) / down)
     figure.set_size_inches(COLUMN_IN if across == 1 else PAGE_IN, 0.4 + 2.2 * down)
     axes = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False).ravel()
     for spare in axes[len(panels) :]:
         spare.set_visible(False)
-    for place, (where, panel) in enumerate(zip(panels, axes, strict=False)):
-        panel.tick_params(labelbottom=place + across >= len(panels))
+    for where, panel in zip(panels, axes, strict=False):
+        panel.tick_params(labelbottom=True)
         panel.set_title("\n".join(f"{name} = {label}" for name, label in where.items()), loc="left")
     return list(zip(panels, axes, strict=False))
 
