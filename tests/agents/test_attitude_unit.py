@@ -225,8 +225,11 @@ def test_the_state_is_plain_and_comes_back() -> None:
     [("stuck: true", "magnetometer", 15.0), ("bias: [0.5, 0.5, 0.5]", "accelerometer", 0.2)],
 )
 def test_a_sensor_that_is_off_is_put_aside_and_taken_back(trouble: str, sensor: str, after_s: float) -> None:
-    """By its unit and by no other, at once or when the body has turned enough; without that the error is larger."""
-    fault = f"faults=[{{at: 3 s, until: 23 s, sensor: 2.{sensor}, {trouble}}}]"
+    """By its unit and by no other, at once or when the body has turned enough; without that the error is larger.
+
+    The unit alone, with the same trouble, has nothing to compare with and goes on trusting.
+    """
+    fault = f"faults=[{{at: 3 s, until: 23 s, sensor: [2.{sensor}, single.{sensor}], {trouble}}}]"
     changes = ("duration=33 s", STEADY, "world.rates=[0, 0, 2 deg/s]", fault)
     with_trust, without = run(planned(*changes, "agents.trust=6 deg")), run(planned(*changes))
     assert notes(with_trust) == [("2", "sensor put aside", sensor), ("2", "sensor trusted again", sensor)]
