@@ -42,6 +42,11 @@ BUILT_IN = [
     "dfa8-random",
     "dfa-kalman",
     "dfa-sizes",
+    "mav3",
+    "mav3-delay",
+    "mav3-fov",
+    "mav30",
+    "mav9",
     "mhe-altitude",
     "mhe-lossy",
     "mhe-pitch",
@@ -154,7 +159,7 @@ def test_every_built_in_scenario_compiles_and_reads_back(name: str, tmp_path: Pa
     plan = compile_plan(scenario)
     validation = validate_plan(plan)
     assert validation.puts_per_second is not None
-    assert (plan.world is None) == (scenario.world is None)
+    assert (plan.world is None and plan.coupled is None) == (scenario.world is None)
     assert f"name: {name}" in scenario_text(name)
     assert _read_back(resolved_yaml(scenario), tmp_path) == scenario
 
