@@ -16,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from itertools import islice
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
 
 from ..errors import BadInput, RunFailed
@@ -25,6 +26,10 @@ from .sweep_run import Values, run_job
 _AHEAD = 2
 """Runs that each worker has been given: the one that it works on, and the next."""
 _ANSWER_S = 10.0
+_DIED = (
+    "a worker of the sweep died: the same command goes on where it was. If none could begin: a script must call the "
+    'sweep under `if __name__ == "__main__":`'
+)
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -56,38 +61,57 @@ def local_pool(workers: int) -> Pool:
         raise BadInput(f"--workers {workers}: at least one process must do the work")
 
     def carry_out(jobs: Iterable[Job]) -> Generator[Done, None, None]:
+        waiting = list(jobs)
+        most = min(workers, len(waiting))
+        if not waiting:
+            return
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        with _environment(), ProcessPoolExecutor(workers, context, _begin_worker, (theirs,)) as executor:
+        before = multiprocessing.active_children()
+        with ProcessPoolExecutor(most, context, _begin_worker, (theirs,)) as executor:
             try:
-                yield from _in_turn(jobs, lambda job: executor.submit(run_job, job), _any_of, workers * _AHEAD)
+                with _as_workers_begin():
+                    for _ in range(most):
+                        executor.submit(int)  # each starts a process, as none is idle yet
+                yield from _in_turn(waiting, lambda job: executor.submit(run_job, job), _any_of, most * _AHEAD)
             except BrokenProcessPool as error:
-                raise RunFailed(
-                    "a worker of the sweep died; what was finished is kept, the same command goes on"
-                ) from error
+                raise RunFailed(_DIED) from error
             except BaseException:
-                ours.close()  # ends the workers in the middle of what they do
+                _end([worker for worker in multiprocessing.active_children() if worker not in before])
                 executor.shutdown(wait=True, cancel_futures=True)
                 raise
             finally:
                 theirs.close()
+                ours.close()
 
     return carry_out
 
 
 @contextlib.contextmanager
-def _environment() -> Iterator[None]:
-    """One thread for linear algebra in each process that is started meanwhile."""
+def _as_workers_begin() -> Iterator[None]:
+    """Processes that are started meanwhile have one thread for linear algebra, and never hear of Ctrl-C."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name)
             else:
                 os.environ[name] = value
+
+
+def _end(workers: Iterable[BaseProcess]) -> None:
+    """End workers in the middle of what they do, with what they have started."""
+    for worker in workers:
+        assert worker.pid is not None
+        try:
+            os.killpg(worker.pid, signal.SIGTERM)
+        except ProcessLookupError:  # it is no group of its own yet
+            worker.terminate()
 
 
 def _begin_worker(line: Connection) -> None:
