@@ -294,6 +294,11 @@ class Agent:
         return False
 
     @classmethod
+    def libraries(cls, parameters: Any) -> Sequence[str]:
+        """Installed packages, beside NumPy and SciPy, that the bits of such an agent's numbers come from."""
+        return ()
+
+    @classmethod
     def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
         """The centralised estimate on the same data, to which estimates are compared; None where there is none."""
         return None

@@ -105,6 +105,11 @@ class Mhe(Agent):
         return 0.0
 
     @classmethod
+    def libraries(cls, parameters: MheParameters) -> Sequence[str]:
+        """What solves its quadratic programs."""
+        return (parameters.solver,)
+
+    @classmethod
     def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
         """What the same window says that has every measurement in time; of the filter, what the filter then says."""
         return _courses(Same(plan)).get(quantity, {}).get(index)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import scipy
 import scipy.linalg  # loads scipy's own BLAS, so that every process lists the same libraries
 from threadpoolctl import threadpool_info, threadpool_limits
+
+from ..agents.plan import Plan
+from ..agents.registry import find
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
@@ -32,11 +36,17 @@ def fingerprint() -> dict[str, Any]:
     }
 
 
-def differences(info: Mapping[str, Any]) -> list[str]:
+def libraries(plan: Plan) -> dict[str, str]:
+    """Versions of what the agents' bits come from, beside NumPy and SciPy."""
+    used = {name for agent in plan.agents for name in find(agent.kind).libraries(agent.parameters)}
+    return {name: version(name) for name in sorted(used)}
+
+
+def differences(info: Mapping[str, Any], plan: Plan) -> list[str]:
     """What was different where a run was recorded, of all that its bits depend on."""
-    here = fingerprint()
+    here = {**fingerprint(), "libraries": libraries(plan)}
     return [
         f"{name} {info[name]} there, {here[name]} here"
-        for name in ("numpy", "scipy", "blas", "simd")
+        for name in ("numpy", "scipy", "blas", "simd", "libraries")
         if name in info and info[name] != here[name]
     ]

@@ -27,7 +27,7 @@ from .desk import Desk
 from .fault_labels import in_words
 from .figures import plot
 from .live import Injector
-from .machine import fingerprint
+from .machine import fingerprint, libraries
 from .metrics import Metrics, write_metrics
 from .paces import check_pace
 from .recorder import Recorder
@@ -85,7 +85,7 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
     check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
     folder = _new_folder(options, scenario.name)
     (folder / SCENARIO_FILE).write_text(resolved_yaml(scenario), "utf-8")
-    info = _info(options)
+    info = _info(plan, options)
     _write_info(folder, {**info, "status": "running"})
     try:
         with Recorder(folder) as recorder:
@@ -200,7 +200,7 @@ def _remove(folder: Path) -> None:
     folder.rmdir()
 
 
-def _info(options: Options) -> dict[str, Any]:
+def _info(plan: Plan, options: Options) -> dict[str, Any]:
     """What the bits of a run depend on besides the scenario."""
     return {
         "engine": options.engine,
@@ -209,6 +209,7 @@ def _info(options: Options) -> dict[str, Any]:
         "started": datetime.now().astimezone().isoformat(timespec="seconds"),
         "pid": os.getpid(),
         **fingerprint(),
+        "libraries": libraries(plan),
     }
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..agents.journal import LAST_HEARD, MISSED, Batch, Estimate
-from .machine import differences
+from .machine import differences, libraries
 from .record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
 
@@ -48,7 +48,7 @@ def verify(folder: Path) -> Verdict:
         BadInput: no run there, or a damaged record.
     """
     record = load(folder)
-    elsewhere = differences(record.info)
+    elsewhere = differences(record.info, record.plan)
     replayed = replay(record)
     departures = sorted(compare(record, replayed, 0.0 if not elsewhere else _TOLERANCE))
     return _verdict(record, departures, elsewhere)
@@ -170,7 +170,8 @@ def _verdict(record: Record, departures: list[Departure], elsewhere: list[str]) 
     if elsewhere:
         lines.append(f"not comparable bit for bit here: {'; '.join(elsewhere)}")
     if certified:
-        lines.append(f"certified: {compared} equal the twin's, bit for bit")
+        beside = "".join(f", with {name} {number}" for name, number in libraries(record.plan).items())
+        lines.append(f"certified: {compared} equal the twin's, bit for bit{beside}")
     elif not departures:
         lines.append(f"{compared} equal the twin's within {_TOLERANCE:g}")
     else:
