@@ -17,8 +17,8 @@ def main() -> None:
         "a quadrotor rolls: 10 steps, a state of 8 numbers, 6 bounded disturbances a step, 10 measured values a point"
     )
     sides: dict[str, dict[str, Any]] = {
-        "volery": {"function": "mhe_sides:volery"},
-        "volery, bias of the gyroscope too": {"function": "mhe_sides:volery", "gyroscope_bias": True},
+        "volery, 7 errors": {"function": "mhe_sides:volery"},
+        "volery, 10 errors (gyroscope bias)": {"function": "mhe_sides:volery", "gyroscope_bias": True},
     }
     if find_spec("do_mpc") is not None:
         sides["do-mpc"] = {"function": "mhe_sides:do_mpc_mhe"}
@@ -28,7 +28,7 @@ def main() -> None:
         middle = medians(taken)
         rows.append([name, f"{middle['step_us']:,.0f}", f"{middle['roll_mrad']:.3f}"])
     table(["side", "step µs", "roll error mrad"], rows)
-    middle = medians(samples["volery"])
+    middle = medians(samples["volery, 7 errors"])
     print(
         f"quadratic program of 67 unknowns, {middle['at_bounds']:.0f} of them at a bound: "
         f"daqp {middle['daqp_us']:,.0f} µs, piqp {middle['piqp_us']:,.0f} µs"
