@@ -115,10 +115,10 @@ class RunningFormation:
             BadInput: no such vehicle or sensor.
         """
         number = self._numbered(agent)
-        if sensor not in self._world.sensors(agent):
-            known = ", ".join(self._world.sensors(agent)) or "none"
-            raise BadInput(f"vehicle {agent} has no sensor {sensor!r}: it has {known}")
         if (sensor, index) not in self._samples:
+            if sensor not in self._world.sensors(agent):
+                known = ", ".join(self._world.sensors(agent)) or "none"
+                raise BadInput(f"vehicle {agent} has no sensor {sensor!r}: it has {known}")
             self._samples[sensor, index] = self._frames(index) if sensor == CAMERA else list(self._felt(index))
         sample = self._samples[sensor, index][number]
         return None if sample is None else sample.copy()
