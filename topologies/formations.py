@@ -140,7 +140,6 @@ def _changed(places: Floats, spec: Mapping[str, Any], place: str) -> Floats:
     for key, shift in moved.items():
         if str(key) not in map(str, range(1, count + 1)):
             raise BadInput(f"{place}.moved: {key!r} is none of the vehicles 1 to {count}")
-        places = places.copy()
         places[int(key) - 1] += _point(shift, f"{place}.moved.{key}")
     angle = _angle(spec.get("turned", 0), f"{place}.turned")
     cosine, sine = math.cos(angle), math.sin(angle)

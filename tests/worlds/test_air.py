@@ -70,6 +70,14 @@ def test_a_gust_gives_its_whole_impulse_however_time_is_cut() -> None:
     assert weather.mean(500, 500).tolist() == [0.0, 0.0, 0.0]
 
 
+def test_gusts_that_are_over_are_forgotten() -> None:
+    """Once nobody asks for their time any more; those that go on are not."""
+    weather = Weather(Scripted((Gust(0, 10, (1.0, 0.0, 0.0)), Gust(5, 100, (0.0, 1.0, 0.0)))), 0)
+    assert weather.mean(6, 8).tolist() == [1.0, 1.0, 0.0]
+    weather.forget(20)
+    assert weather.mean(6, 8).tolist() == [0.0, 1.0, 0.0]
+
+
 def test_gusts_together_add_up() -> None:
     """Also where the list is not in the order of the starts."""
     weather = Weather(Scripted((Gust(50, 100, (0.0, 1.0, 0.0)), Gust(0, 100, (1.0, 0.0, 0.0)))), 0)

@@ -16,8 +16,10 @@ from volery.rotations import angle_between, integrate, rotate, to_matrix
 from volery.topologies import formation
 from volery.units import period_ns
 from volery.worlds.air import Gust, Scripted, Turbulence
+from volery.worlds.camera import Camera
 from volery.worlds.formation import FormationWorld
 from volery.worlds.formation_running import RunningFormation
+from volery.worlds.imu import Imu
 from volery.worlds.vehicles import GRAVITY, Vehicle
 
 Floats = NDArray[np.float64]
@@ -167,6 +169,18 @@ def test_the_accelerometer_feels_all_but_gravity() -> None:
     assert abs(change[1]) > 0.5
 
 
+def test_the_accelerometer_feels_a_command_at_once() -> None:
+    """More thrust along the body's axis is there at the instant of the command, and in a sample that is taken then."""
+    running = exact().begin()
+    running.advance(SECOND)
+    before = running.measure("1", "imu", 0)
+    running.act("1", "thrust", 0.9 * UP)
+    after = running.measure("1", "imu", 0)
+    assert before is not None
+    assert after is not None
+    assert (after - before)[3:6] == pytest.approx([0.0, 0.0, 0.9 / 0.45], abs=1e-9)
+
+
 def test_a_gust_moves_all_alike() -> None:
     """Its impulse is acceleration times duration, wherever it lies on the grid; the shape of the formation stays."""
     calm = exact(vehicle=Vehicle(drag=0.0))
@@ -233,6 +247,7 @@ def test_a_sensor_that_is_not_there() -> None:
     assert blind.sensors("1") == {"imu": 30.0}
     assert exact().sensors("1") == {"imu": 30.0, "camera": 30.0}
     assert list(exact().sensors("1")) == ["imu", "camera"]
+    assert exact(camera=Camera(rate=15.0), imu=Imu(rate=60.0)).sensors("1") == {"imu": 60.0, "camera": 15.0}
     with pytest.raises(BadInput, match="vehicle 1 has no sensor 'camera': it has imu"):
         blind.begin().measure("1", "camera", 0)
     with pytest.raises(BadInput, match="it has none"):

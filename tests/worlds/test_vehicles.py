@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from volery.errors import BadInput
 from volery.rotations import quaternion_rate, rotate
-from volery.worlds.vehicles import GRAVITY, Orders, State, Vehicle, at_rest, step
+from volery.worlds.vehicles import GRAVITY, Orders, State, Vehicle, accelerations, at_rest, step
 
 Floats = NDArray[np.float64]
 ROUNDING = 1e-11
@@ -148,6 +148,23 @@ def test_free_rotation_follows_eulers_equations() -> None:
     gain = (0.0049 - 0.002) / 0.003 * 4.0 * 6.0 * 0.001
     assert found[1] == pytest.approx(0.0, abs=ROUNDING)
     assert found[0] == pytest.approx(gain, rel=0.001 / 0.01)
+
+
+def test_thrust_never_pushes_a_vehicle_that_is_upside_down() -> None:
+    """Where the body's z axis points away from what is wanted there is none, and the vehicle falls."""
+    vehicle = Vehicle(drag=0.0)
+    turned = at_rest(np.zeros((3, 1)), np.array([[0.0], [1.0], [0.0], [0.0]]))
+    wanted = orders(vehicle, (0.0, 0.0, 0.0))
+    assert accelerations(vehicle, turned, wanted, CALM)[:, 0].tolist() == [0.0, 0.0, 0.0]
+    assert step(vehicle, turned, wanted, CALM, 1_000_000).velocities[2, 0] == pytest.approx(-GRAVITY * 0.001)
+
+
+def test_a_step_leaves_attitudes_of_norm_one() -> None:
+    """So that rounding does not add up."""
+    vehicle = Vehicle()
+    off = LEVEL._replace(attitudes=LEVEL.attitudes * (1.0 + 1e-6), rates=np.array([[1.0], [2.0], [3.0]]))
+    after = step(vehicle, off, orders(vehicle, (0.0, 0.0, 0.0)), CALM, 1_000_000)
+    assert np.linalg.norm(after.attitudes) == pytest.approx(1.0, abs=1e-15)
 
 
 def test_thrust_stays_within_what_a_vehicle_can_do() -> None:
