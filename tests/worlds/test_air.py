@@ -85,10 +85,14 @@ def test_gusts_together_add_up() -> None:
 
 
 def test_random_gusts_come_at_their_rate_from_all_sides() -> None:
-    """Mean time between starts to four standard errors of an exponential law; directions without a preference."""
+    """Mean and deviation of the times between starts, 1/√n and √(2/n) of an exponential law, to four standard errors.
+
+    Directions are without a preference.
+    """
     gusts = list(islice(Random(10 * SECOND, SECOND, 2.0).all(3), 400))
     starts = np.array([gust.start_ns for gust in gusts])
     assert starts[-1] / len(gusts) == pytest.approx(10 * SECOND, rel=4 / math.sqrt(len(gusts)))
+    assert np.diff(starts).std() == pytest.approx(10 * SECOND, rel=4 * math.sqrt(2 / len(gusts)))
     pushes = np.array([gust.acceleration for gust in gusts])
     assert np.linalg.norm(pushes, axis=1) == pytest.approx(np.full(len(gusts), 2.0))
     assert np.abs(pushes.mean(axis=0)).max() < 4 * 2.0 / math.sqrt(2 * len(gusts))

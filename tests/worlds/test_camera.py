@@ -151,6 +151,8 @@ def test_noise_grows_with_the_distance(distance: float) -> None:
     assert (error @ np.cross(sight, left)).std() == pytest.approx(0.01 * distance, rel=within)
     turns = np.array([log_quaternion(quaternion_product(conjugate(attitudes[:, 1]), row[4:])) for row in rows])
     assert turns.std(axis=0) == pytest.approx(np.full(3, 0.03), rel=within)
+    together = np.corrcoef(np.hstack((error @ np.array([sight, left, np.cross(sight, left)]).T, turns)).T)
+    assert np.abs(together - np.eye(6)).max() < 4.5 / math.sqrt(count)
 
 
 def test_misses_come_with_their_probability() -> None:
