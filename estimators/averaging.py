@@ -6,6 +6,7 @@ within the same round. `running_sum` and `flow_updating` do without that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -38,13 +39,25 @@ def weighted_average(
         BadInput: a neighbour without a weight, a negative weight, or a sum of weights above one.
     """
     _check_weights(weights)
-    average = np.zeros_like(own)
+    return _averaged(own, received, weights)
+
+
+def _averaged(
+    own: NDArray[np.float64], received: Mapping[str, NDArray[np.float64]], weights: Mapping[str, float]
+) -> NDArray[np.float64]:
+    names = sorted(received, key=natural_key)
+    try:
+        counted = [weights[name] for name in names]
+    except KeyError:
+        for name in names:
+            check_neighbour(name, weights)
+        raise
     own_weight = 1.0
-    for name in sorted(received, key=natural_key):
-        check_neighbour(name, weights)
-        own_weight -= weights[name]
-        average += weights[name] * received[name]
-    return average + own_weight * own
+    for weight in counted:
+        own_weight -= weight
+    vectors = [received[name] for name in names]
+    average: NDArray[np.float64] = np.array([own_weight, *counted]).dot(np.array([own, *vectors]))
+    return average
 
 
 def _check_weights(weights: Mapping[str, float]) -> None:
@@ -97,7 +110,25 @@ def averaging_receive(state: Averaging, sender: str, vector: ArrayLike) -> Avera
 
 def averaging_round(state: Averaging) -> Averaging:
     """Average with what was heard since the last round; each message is used once."""
-    return replace(state, value=weighted_average(state.value, state.heard, state.weights), heard={})
+    return Averaging(state.source, _averaged(state.value, state.heard, state.weights), state.weights, {})
+
+
+def averaging_hear(state: Averaging, received: Mapping[str, NDArray[np.float64]]) -> Averaging:
+    """Receive a message of each of some neighbours, and end the round: the same as one after the other, in less time.
+
+    Raises:
+        BadInput: as `averaging_receive`.
+    """
+    try:
+        value = _averaged(state.value, received, state.weights)
+        sound = not state.heard and math.isfinite(value.dot(value))
+    except ValueError:  # of another length than the own value
+        sound = False
+    if sound:
+        return Averaging(state.source, value, state.weights, {})
+    for name, vector in received.items():
+        state = averaging_receive(state, name, vector)
+    return averaging_round(state)
 
 
 def averaging_value(state: Averaging) -> NDArray[np.float64]:

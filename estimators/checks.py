@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 import numpy as np
@@ -17,12 +18,17 @@ def as_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> NDA
         BadInput: another shape, or a value that is not finite; the message gives `name`.
     """
     array = np.array(values, dtype=np.float64, order="C")
-    if array.ndim != len(shape) or any(want not in (None, size) for want, size in zip(shape, array.shape, strict=True)):
+    if array.shape != shape and not _fits(array.shape, shape):
         wanted = ", ".join("any" if want is None else str(want) for want in shape)
         raise BadInput(f"{name} has shape {array.shape}: give ({wanted})")
-    if not np.isfinite(array).all():
+    flat = array.ravel()
+    if not math.isfinite(flat.dot(flat)) and not np.isfinite(array).all():  # the first is faster, and may overflow
         raise BadInput(f"{name} holds a value that is not finite: {array.tolist()}")
     return array
+
+
+def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(wanted) and all(want in (None, size) for want, size in zip(wanted, shape, strict=True))
 
 
 def check_neighbour(name: str, neighbours: Collection[str]) -> None:

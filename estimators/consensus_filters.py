@@ -13,10 +13,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..topologies import natural_key
 from .filtering import Filter, Moment, Vector
 from .gaussian import Gaussian, added, corrected, gaussian, information, scaled
-from .information import InformationPair, pack_pair, packed_size, unpack_pair
+from .information import InformationPair, pack_pair, packed_size, unpack_trusted
 
 _NEGATIVE_PART = 1e-6
 """Part of the largest eigenvalue that a negative one may have: rounding to float32 leaves 6e-8 on a singular matrix."""
@@ -54,9 +53,7 @@ class AveragingFilter(Filter):
 
     def hear(self, received: Mapping[str, Vector]) -> None:
         """One round of the law."""
-        for name in sorted(received, key=natural_key):
-            self._state = self._law.receive(self._state, name, received[name])
-        self._state = self._law.round(self._state)
+        self._state = self._law.hear(self._state, received)
 
     def end(self) -> Gaussian:
         """The belief from the average, or from the own prediction and measurement."""
@@ -79,7 +76,7 @@ class ConsensusOnMeasurements(AveragingFilter):
 
     def posterior(self, average: Vector) -> Gaussian | None:
         """N times the average, added."""
-        measured = unpack_pair(average)
+        measured = unpack_trusted(average)
         if not is_information(measured):
             return None
         return gaussian(added([self.prior, scaled(measured, self.place.count)]))
@@ -103,7 +100,7 @@ class ConsensusOnInformation(AveragingFilter):
 
     def posterior(self, average: Vector) -> Gaussian | None:
         """The average is the belief."""
-        return gaussian(unpack_pair(average))
+        return gaussian(unpack_trusted(average))
 
     def old_source(self, message: Vector, samples: int) -> Vector | None:
         """The old belief, run forward."""
@@ -123,7 +120,7 @@ class InformationWeighted(AveragingFilter):
 
     def posterior(self, average: Vector) -> Gaussian | None:
         """N times the average."""
-        return gaussian(scaled(unpack_pair(average), self.place.count))
+        return gaussian(scaled(unpack_trusted(average), self.place.count))
 
     def old_source(self, message: Vector, samples: int) -> Vector | None:
         """The old belief, which is N times the message, run forward and taken back to 1/N."""
@@ -149,7 +146,7 @@ class Hybrid(AveragingFilter):
 
     def posterior(self, average: Vector) -> Gaussian | None:
         """The sum."""
-        return gaussian(unpack_pair(self._joined(average)))
+        return gaussian(unpack_trusted(self._joined(average)))
 
     def old_source(self, message: Vector, samples: int) -> Vector | None:
         """The old belief as a prediction, and no measurement."""

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from ..errors import BadInput
 from .checks import as_array
-from .information import InformationPair
+from .information import InformationPair, mirrored
 
 Matrix = NDArray[np.float64]
 Vector = NDArray[np.float64]
@@ -37,6 +39,13 @@ class Gaussian:
         object.__setattr__(self, "mean", as_array(self.mean, (None,), "mean"))
         size = len(self.mean)
         object.__setattr__(self, "covariance", as_array(self.covariance, (size, size), "covariance"))
+
+    @classmethod
+    def trusted(cls, mean: Vector, covariance: Matrix) -> Self:
+        """The belief of arrays that this package has made of checked ones, unchecked and not copied."""
+        belief = cls.__new__(cls)
+        belief.__dict__.update(mean=mean, covariance=covariance)
+        return belief
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +93,21 @@ def predict(belief: Gaussian, step: Step) -> Gaussian:
 
     x̂⁺ = A x̂ + u,  Σ⁺ = A Σ Aᵀ + Q            Kalman 1960
     """
-    covariance = step.transition @ belief.covariance @ step.transition.T + step.noise
-    return Gaussian(step.transition @ belief.mean + step.shift, _symmetric(covariance))
+    A = step.transition
+    covariance = A.dot(belief.covariance).dot(A.T) + step.noise
+    return Gaussian.trusted(A.dot(belief.mean) + step.shift, mirrored(covariance))
 
 
 def information(belief: Gaussian) -> InformationPair:
-    """The belief as an information pair: P = Σ⁻¹, q = Σ⁻¹ x̂."""
-    return InformationPair(*_solved(belief.covariance, belief.mean))
+    """The belief as an information pair: P = Σ⁻¹, q = Σ⁻¹ x̂.
+
+    Raises:
+        BadInput: Σ is not positive definite.
+    """
+    matrix = _inverse(belief.covariance)
+    if matrix is None:
+        raise BadInput(f"a covariance is not positive definite: {belief.covariance.tolist()}")
+    return InformationPair.trusted(matrix, matrix.dot(belief.mean))
 
 
 def measured_information(measurement: Measurement | None, dimension: int) -> InformationPair:
@@ -103,34 +120,30 @@ def measured_information(measurement: Measurement | None, dimension: int) -> Inf
         dimension: n, of the state.
     """
     if measurement is None:
-        return InformationPair(np.zeros((dimension, dimension)), np.zeros(dimension))
-    weighted = np.linalg.solve(measurement.noise, measurement.matrix).T
-    return InformationPair(_symmetric(weighted @ measurement.matrix), weighted @ measurement.value)
+        return InformationPair.trusted(np.zeros((dimension, dimension)), np.zeros(dimension))
+    H, R, z = measurement.matrix, measurement.noise, measurement.value
+    weighted = H.T / R[0, 0] if len(z) == 1 else np.linalg.solve(R, H).T
+    return InformationPair.trusted(mirrored(weighted.dot(H)), weighted.dot(z))
 
 
 def added(pairs: Iterable[InformationPair]) -> InformationPair:
     """Sum of independent information, one pair at least."""
     first, *others = pairs
-    matrix, vector = first.P.copy(), first.q.copy()
+    matrix, vector = first.P, first.q
     for pair in others:
-        matrix += pair.P
-        vector += pair.q
-    return InformationPair(matrix, vector)
+        matrix, vector = matrix + pair.P, vector + pair.q
+    return InformationPair.trusted(matrix, vector)
 
 
 def scaled(pair: InformationPair, factor: float) -> InformationPair:
     """The pair times a number."""
-    return InformationPair(factor * pair.P, factor * pair.q)
+    return InformationPair.trusted(factor * pair.P, factor * pair.q)
 
 
 def gaussian(pair: InformationPair) -> Gaussian | None:
     """The belief that a pair stands for, or None where P is not positive definite: then it does not tell all of x."""
-    try:
-        np.linalg.cholesky(pair.P)
-    except np.linalg.LinAlgError:
-        return None
-    covariance, mean = _solved(pair.P, pair.q)
-    return Gaussian(mean, covariance)
+    covariance = _inverse(pair.P)
+    return None if covariance is None else Gaussian.trusted(covariance.dot(pair.q), covariance)
 
 
 def corrected(belief: Gaussian, pairs: Iterable[InformationPair]) -> Gaussian:
@@ -164,8 +177,8 @@ def run_forward(pair: InformationPair, steps: Sequence[Step]) -> InformationPair
         M = np.linalg.solve(step.transition.T, moved[:, :size].T)
         q = moved[:, size] + M @ step.shift
         solved = np.linalg.solve(np.eye(size) + M @ step.noise, np.column_stack([M, q]))
-        matrix, vector = _symmetric(solved[:, :size]), solved[:, size]
-    return InformationPair(matrix, vector)
+        matrix, vector = mirrored(solved[:, :size]), solved[:, size]
+    return InformationPair.trusted(matrix, vector)
 
 
 def moved(mean: Vector, steps: Sequence[Step]) -> Vector:
@@ -175,12 +188,10 @@ def moved(mean: Vector, steps: Sequence[Step]) -> Vector:
     return mean
 
 
-def _symmetric(matrix: Matrix) -> Matrix:
-    return (matrix + matrix.T) / 2
-
-
-def _solved(matrix: Matrix, vector: Vector) -> tuple[Matrix, Vector]:
-    """matrix⁻¹, symmetric, and matrix⁻¹ vector."""
-    size = len(vector)
-    both: Matrix = np.linalg.solve(matrix, np.column_stack([np.eye(size), vector])).astype(np.float64, copy=False)
-    return _symmetric(both[:, :size]), both[:, size]
+def _inverse(matrix: Matrix) -> Matrix | None:
+    """The inverse of a symmetric matrix from its Cholesky factor, exactly symmetric; None if not positive definite."""
+    factor, fault = dpotrf(matrix.T, lower=1, clean=0)
+    if fault:
+        return None
+    inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
+    return mirrored(inverse.T)

@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import isqrt
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
 from .checks import as_array
-
-_Indices = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +34,13 @@ class InformationPair:
         object.__setattr__(self, "q", as_array(self.q, (None,), "q"))
         object.__setattr__(self, "P", as_array(self.P, (len(self.q), len(self.q)), "P"))
 
+    @classmethod
+    def trusted(cls, P: NDArray[np.float64], q: NDArray[np.float64]) -> Self:
+        """The pair of arrays that this package has made of checked ones, unchecked and not copied."""
+        pair = cls.__new__(cls)
+        pair.__dict__.update(P=P, q=q)
+        return pair
+
 
 def packed_size(dimension: int) -> int:
     """Numbers of a packed pair about a state of so many components: n (n + 3) / 2."""
@@ -43,7 +49,8 @@ def packed_size(dimension: int) -> int:
 
 def pack_symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The upper triangle of a symmetric matrix (n, n) by rows, shape (n (n + 1) / 2,)."""
-    return matrix[_upper(len(matrix))]
+    packed: NDArray[np.float64] = matrix.take(_places(len(matrix))[0])
+    return packed
 
 
 def unpack_symmetric(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -55,11 +62,14 @@ def unpack_symmetric(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     dimension = (isqrt(8 * len(vector) + 1) - 1) // 2
     if dimension * (dimension + 1) // 2 != len(vector):
         raise BadInput(f"{len(vector)} numbers are the upper triangle of no matrix: it has n (n + 1) / 2")
-    matrix = np.empty((dimension, dimension))
-    upper = _upper(dimension)
-    matrix[upper] = vector
-    matrix.T[upper] = vector
+    matrix: NDArray[np.float64] = vector.take(_places(dimension)[1])
     return matrix
+
+
+def mirrored(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The symmetric matrix (n, n) that has this upper triangle, whatever stands below it."""
+    whole: NDArray[np.float64] = matrix.take(_places(len(matrix))[2])
+    return whole
 
 
 def pack_pair(pair: InformationPair) -> NDArray[np.float64]:
@@ -73,13 +83,26 @@ def unpack_pair(vector: ArrayLike) -> InformationPair:
     Raises:
         BadInput: a length that no packed pair has, or not finite.
     """
-    packed = as_array(vector, (None,), "packed information pair")
+    return unpack_trusted(as_array(vector, (None,), "packed information pair"))
+
+
+def unpack_trusted(packed: NDArray[np.float64]) -> InformationPair:
+    """As `unpack_pair`, of what this package has made itself: whether it is finite is not looked at.
+
+    Raises:
+        BadInput: a length that no packed pair has.
+    """
     dimension = (isqrt(8 * len(packed) + 9) - 3) // 2
     if dimension < 1 or packed_size(dimension) != len(packed):
         raise BadInput(f"packed information pair has {len(packed)} numbers: it has n (n + 3) / 2, as in 5, 9, 14")
-    return InformationPair(unpack_symmetric(packed[:-dimension]), packed[-dimension:])
+    return InformationPair.trusted(unpack_symmetric(packed[:-dimension]), packed[-dimension:])
 
 
 @cache
-def _upper(dimension: int) -> _Indices:
-    return np.triu_indices(dimension)
+def _places(dimension: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Where in a matrix, row after row, its upper triangle stands; for each entry which of these it is, and where."""
+    rows, columns = np.triu_indices(dimension)
+    which = np.empty((dimension, dimension), dtype=np.intp)
+    which[rows, columns] = which[columns, rows] = np.arange(len(rows))
+    upper = rows * dimension + columns
+    return upper, which, upper[which]

@@ -14,7 +14,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..topologies import natural_key
 from .averaging import (
+    averaging_hear,
     averaging_message,
     averaging_receive,
     averaging_round,
@@ -56,7 +58,8 @@ class ConsensusLaw(Generic[State]):
 
     `message_size` maps n to the length of a message; laws that split evenly read the names of the neighbours only.
     A message is None where this round has none for that neighbour. `plain`: a message is a value like those that are
-    averaged and belongs to no sequence, so that a late one can be brought up to date and used.
+    averaged and belongs to no sequence, so that a late one can be brought up to date and used. `at_once`: a faster way
+    to receive and do a round, where there is one.
     """
 
     start: Callable[[ArrayLike, Mapping[str, float]], State]
@@ -67,6 +70,15 @@ class ConsensusLaw(Generic[State]):
     update: Callable[[State, ArrayLike], State]
     message_size: Callable[[int], int]
     plain: bool = False
+    at_once: Callable[[State, Mapping[str, NDArray[np.float64]]], State] | None = None
+
+    def hear(self, state: State, received: Mapping[str, NDArray[np.float64]]) -> State:
+        """Receive a message of each of some neighbours, and do a round."""
+        if self.at_once is not None:
+            return self.at_once(state, received)
+        for name in sorted(received, key=natural_key):
+            state = self.receive(state, name, received[name])
+        return self.round(state)
 
 
 LAWS: Mapping[str, ConsensusLaw[Any]] = MappingProxyType(
@@ -80,6 +92,7 @@ LAWS: Mapping[str, ConsensusLaw[Any]] = MappingProxyType(
             averaging_update,
             lambda size: size,
             plain=True,
+            at_once=averaging_hear,
         ),
         "push-sum": ConsensusLaw(
             push_sum_start,

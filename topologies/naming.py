@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from ..errors import BadInput
 
@@ -10,6 +11,7 @@ _NAME = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"([0-9]+)")
 
 
+@lru_cache(maxsize=16384)
 def natural_key(name: str) -> tuple[tuple[str | int, ...], str]:
     """Sort key that puts "2" before "10": digits compare as numbers, the rest as text.
 
