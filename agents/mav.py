@@ -24,11 +24,12 @@ from ..estimators.frame_consensus import FrameConsensus
 from ..rotations import conjugate, quaternion_product, rotate
 from ..units import first_period, period_ns
 from . import mav_findings, mav_problems
-from .agent import Agent, Context, Finding, Onlooker, Received, RunData, Sample, Timer
+from .agent import Agent, Context, Finding, Onlooker, Received, RunData, Sample, Timer, View
 from .mav_messages import decode, encode
 from .mav_onlooker import CentralisedFormation
 from .mav_parameters import MavParameters
 from .mav_sensing import CAMERA, IMU, Sight, frame_model, read_camera, read_imu, sightings
+from .mav_view import formation_view
 from .payloads import DamagedPayload
 from .plan import Plan
 
@@ -251,6 +252,13 @@ class Mav(Agent):
         """The packet, which no message exceeds."""
         packet: int = parameters.messages.packet
         return packet
+
+    @classmethod
+    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
+        """Where all are, about a centre that the estimate does not know."""
+        if FORMATION not in reports:
+            return None
+        return formation_view([agent.name for agent in plan.agents], reports[FORMATION], reports.get(COVARIANCE))
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:

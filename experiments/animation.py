@@ -36,6 +36,8 @@ _TURNS = np.linspace(0.0, 2.0 * math.pi, 33)
 _CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
 _DEVIATIONS = 2.0
 _FAULTS_SHOWN = 3
+_LIGHTEST = 0.3
+_MARGINS = {"left": 0.11, "right": 0.97, "bottom": 0.19, "top": 0.95}
 
 
 def animate(
@@ -80,11 +82,8 @@ def animate(
     from matplotlib.figure import Figure
 
     with style.context(STYLE):
-        figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
+        figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN))
         scene = _Scene(figure, view, from_ns, until_ns)
-        scene.show(view.picture(from_ns))
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
         with writer.saving(figure, str(path), _DPI):
             for number, time_ns in enumerate(times, start=1):
                 scene.show(view.picture(time_ns))
@@ -133,21 +132,22 @@ class _Scene:
         from matplotlib.collections import LineCollection, PolyCollection
 
         self._view = view
-        self._axes = axes = figure.subplots()
+        figure.set_layout_engine("none")  # so that nothing jumps from picture to picture
+        self._axes = axes = figure.subplots(gridspec_kw=_MARGINS)
+        few = len(view.agents) <= len(_COLOURS)
+        light = 1.0 if few else max(_LIGHTEST, len(_COLOURS) / len(view.agents))
         self._trails = LineCollection([], colors=[(DARK_GREY, 0.35)], linewidths=0.8, zorder=1)
         self._links = {
-            Carries.THROUGH: LineCollection([], colors=BLUE, linewidths=1.0, alpha=0.45, zorder=2),
-            Carries.LOST: LineCollection([], colors=VERMILION, linewidths=1.0, linestyles="--", zorder=2),
+            Carries.THROUGH: LineCollection([], colors=[(BLUE, 0.45 * light)], linewidths=light, zorder=2),
+            Carries.LOST: LineCollection([], colors=VERMILION, linewidths=light, linestyles="--", zorder=2),
         }
-        few = len(view.agents) <= len(_COLOURS)
         self._colours = dict(zip(view.agents, _COLOURS if few else [SKY] * len(view.agents), strict=False))
-        size = 26 if few else 8
         self._ellipses = {
             agent: PolyCollection([], facecolors=(colour, 0.04), edgecolors=(colour, 0.5), linewidths=0.6, zorder=0.5)
             for agent, colour in self._colours.items()
         }
         self._believed = {
-            agent: axes.scatter([], [], s=size, facecolors="none", edgecolors=colour, linewidths=1.0, zorder=5)
+            agent: axes.scatter([], [], s=26 * light, facecolors="none", edgecolors=colour, linewidths=light, zorder=5)
             for agent, colour in self._colours.items()
         }
         for collection in (self._trails, *self._links.values(), *self._ellipses.values()):
@@ -160,8 +160,8 @@ class _Scene:
             agent: axes.annotate(agent, (0, 0), (4, 4), textcoords="offset points", fontsize=7, zorder=6)
             for agent in named
         }
-        self._time = axes.text(0.0, 1.02, "", transform=axes.transAxes, fontsize=9)
-        self._faults = axes.text(1.0, 1.02, "", transform=axes.transAxes, fontsize=8, color=VERMILION, ha="right")
+        self._time = axes.set_title(" ", loc="left", fontsize=9)
+        self._faults = axes.set_title(" ", loc="right", fontsize=8, color=VERMILION)
         self._frame(from_ns, until_ns)
         self._legend(figure)
 
@@ -196,7 +196,7 @@ class _Scene:
             keys.append(key("two standard deviations", marker="o", mfc=(SKY, 0.05), mec=(SKY, 0.5), ls="", ms=9))
         keys.append(key(Carries.THROUGH.value, color=BLUE, alpha=0.45))
         keys.append(key(Carries.LOST.value, color=VERMILION, ls="--"))
-        figure.legend(handles=keys, loc="outside lower center", ncols=3)
+        figure.legend(handles=keys, loc="lower center", ncols=3)
 
     def show(self, picture: Picture) -> None:
         """Move everything to where it is in a picture."""
