@@ -19,8 +19,10 @@ def main() -> None:
     if find_spec("filterpy") is None:
         print("filterpy is not installed here: nothing to compare with (pip install filterpy)")
         return
-    ours = {f"volery, {variant}": {"function": "filters:volery_side", "variant": variant} for variant in VARIANTS}
-    samples = in_turn({**ours, "filterpy": {"function": "filters:filterpy_side"}}, REPETITIONS)
+    ours = {
+        f"volery, {variant}": {"function": "altitude_sides:volery_side", "variant": variant} for variant in VARIANTS
+    }
+    samples = in_turn({**ours, "filterpy": {"function": "altitude_sides:filterpy_side"}}, REPETITIONS)
     middles = {name: medians(taken) for name, taken in samples.items()}
     rows = [[name, f"{each['us']:.1f}", f"{each['steps']:,.0f}"] for name, each in middles.items()]
     table(["side", "CPU µs per step", "steps"], rows)

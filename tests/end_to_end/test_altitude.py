@@ -17,7 +17,7 @@ TIMELINE = "faults=[{at: 1 s, for: 1 s, sensor: laser1.range, failed: true}, {at
 
 
 def test_a_lossy_star_of_sensors_equals_its_twin(plan_of: PlanOf) -> None:
-    """Six processes in lockstep: estimates, counts and fates are the twin's, bit for bit, a live sensor fault included."""
+    """Six processes in lockstep: estimates, counts and fates are the twin's, a live sensor fault included."""
     plan = plan_of("altitude-lossy", "duration=600 s", TIMELINE)
     injected: list[str] = []
 
