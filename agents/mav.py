@@ -271,6 +271,11 @@ class Mav(Agent):
         return ()
 
     @classmethod
+    def libraries(cls, parameters: Any) -> Sequence[str]:
+        """What has compiled its filter, if anything has."""
+        return ("numba",) if parameters.filtering.form == "compiled" else ()
+
+    @classmethod
     def onlooker(cls, plan: Plan) -> Onlooker:
         """The centralised filter on all that all see."""
         return CentralisedFormation(plan)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from .formation_covariance import check_finite, check_positive
-from .formation_model import Step
+from .formation_model import Rows, Step
 
 Array = NDArray[np.float64]
 
@@ -46,24 +46,24 @@ class CompiledBelief:
         if not _predict(self.state, self._covariance, inputs, step.input_map, step.process_noise, step.duration_s):
             check_finite(inputs, "forces of a formation")
 
-    def update(self, rows: Array, values: Array, noise: Array) -> None:
+    def update(self, rows: Rows, values: Array, noise: Array) -> None:
         """A measurement z = H x + noise: `JosephBelief.update`, compiled.
 
         Args:
-            rows: H, shape (k, 6n).
+            rows: H, k rows.
             values: z, shape (k,).
             noise: R, symmetric, shape (k, k).
         Raises:
             BadInput: z is not finite or R not positive definite; nothing is changed then.
         """
-        if not _update(self.state, self._covariance, rows, values, noise):
+        if not _update(self.state, self._covariance, rows.whole, values, noise):
             check_finite(values, "an observation")
             check_positive(noise, "covariance of an observation")
             raise BadInput(f"covariance of a formation is not positive definite: {self._covariance.tolist()}")
 
-    def observed(self, rows: Array) -> Array:
+    def observed(self, rows: Rows) -> Array:
         """H P Hᵀ, symmetric, shape (k, k)."""
-        covariance = rows @ self._covariance @ rows.T
+        covariance = rows.whole @ self._covariance @ rows.whole.T
         return (covariance + covariance.T) / 2
 
     def inflate(self, factor: float) -> None:

@@ -12,6 +12,19 @@ from ..errors import BadInput
 from .checks import as_array
 
 
+def factor(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cholesky's factor, lower triangular, in Fortran's order; above it stands what stood there.
+
+    Raises:
+        BadInput: the matrix is not positive definite, so a covariance was none.
+    """
+    root, failed = dpotrf(matrix, 1, 0)
+    if failed:
+        raise BadInput(f"a covariance is not positive definite: {matrix.tolist()}: give one that is, in SI units")
+    result: NDArray[np.float64] = root
+    return result
+
+
 def solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
     """S⁻¹ B by Cholesky's factor of a symmetric positive definite S, in Fortran's order.
 

@@ -13,7 +13,7 @@ from ..errors import BadInput
 from .checks import as_array
 from .formation_covariance import checked_covariance
 from .formation_joseph import JosephBelief
-from .formation_model import FormationModel, Pair, Step, rows
+from .formation_model import FormationModel, Pair, Rows, Step, rows
 from .formation_square_root import SquareRootBelief
 
 Form = Literal["joseph", "square-root", "compiled"]
@@ -122,7 +122,7 @@ class FormationFilter:
     def pair(self, first: int, second: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Estimate of p_first − p_second and v_first − v_second, shape (6,) [m, m/s]; its covariance, (6, 6)."""
         seen = rows(self.model.vehicles, ((first, second),), True)
-        return seen @ self.belief.state, self.belief.observed(seen)
+        return seen.whole @ self.belief.state, self.belief.observed(seen)
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
         """Move on to an instant under forces that are held until then.
@@ -177,10 +177,10 @@ class Belief(Protocol):
     def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
         """Move on by a step."""
 
-    def update(self, rows: NDArray[np.float64], values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
+    def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
         """Take in a measurement."""
 
-    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ."""
 
     def inflate(self, factor: float) -> None:
@@ -209,14 +209,15 @@ def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64
 
 def _stacked(
     vehicles: int, observations: Sequence[Observation]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Rows, NDArray[np.float64], NDArray[np.float64]]:
     """H, values and block-diagonal noise of all observations together."""
     if len(observations) == 1:
         only = observations[0]
         return rows(vehicles, only.pairs, only.velocities), only.values, only.covariance
-    seen = np.concatenate([rows(vehicles, each.pairs, each.velocities) for each in observations])
-    seen.setflags(write=False)
-    noise = np.zeros((len(seen), len(seen)))
+    parts = [rows(vehicles, each.pairs, each.velocities) for each in observations]
+    seen = Rows(np.concatenate([part.whole for part in parts]), np.concatenate([part.chains for part in parts], axis=1))
+    seen.whole.setflags(write=False)
+    noise = np.zeros((len(seen.whole), len(seen.whole)))
     at = 0
     for each in observations:
         size = len(each.values)

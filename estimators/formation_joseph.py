@@ -9,20 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import daxpy, dgemm
+from scipy.linalg.blas import daxpy, dgemm, dtrsm
 
-from .formation_covariance import check_finite, check_positive, solved
-from .formation_model import Step
+from .formation_covariance import check_finite, check_positive, factor
+from .formation_model import Rows, Step
 
 
 class _Buffer:
     """A matrix in Fortran's order, where the halves of its columns lie one after the other, and views of them."""
 
-    __slots__ = ("left", "right", "transposed", "whole")
+    __slots__ = ("blocks", "left", "right", "transposed", "whole")
 
     def __init__(self, whole: NDArray[np.float64]) -> None:
         self.whole, self.transposed = whole, whole.T
         self.left, self.right = np.split(whole.reshape(-1, order="F"), 2)
+        self.blocks = whole.reshape(3 * len(whole), -1, order="F")  # a column for three
 
 
 class JosephBelief:
@@ -65,15 +66,16 @@ class JosephBelief:
         after.whole += step.process_noise
         self._held, self._spare = after, before
 
-    def update(self, rows: NDArray[np.float64], values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
+    def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
         """A measurement z = H x + noise.
 
         L = P Hᵀ (H P Hᵀ + R)⁻¹,  x̂⁺ = x̂ + L (z − H x̂),  P⁺ = (I − L H) P (I − L H)ᵀ + L R Lᵀ
-        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + L (R Lᵀ − H Y) with Y = P − P Hᵀ Lᵀ: it is the
-        covariance of any gain, so that the rounding of the gain does no harm.
+        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + (L R − Y Hᵀ) Lᵀ with Y = P − L H P: it is the
+        covariance of any gain, so that the rounding of the gain does no harm. H is E ⊗ I₃, so that P Hᵀ needs a
+        third of the products.
 
         Args:
-            rows: H, shape (k, 6n).
+            rows: H, k rows.
             values: z, shape (k,).
             noise: R, symmetric, shape (k, k).
         Raises:
@@ -81,17 +83,19 @@ class JosephBelief:
         """
         check_finite(values, "an observation")
         check_positive(noise, "covariance of an observation")
-        matrix, columns = self._held.whole, rows.T
-        shared = dgemm(1.0, matrix, columns)
-        gain = solved(dgemm(1.0, columns, shared, 1.0, noise, 1), shared.T)
-        self.state += gain.T.dot(values - rows.dot(self.state))
-        dgemm(-1.0, shared, gain, 1.0, matrix, 0, 0, 1)
-        correction = dgemm(-1.0, columns, matrix, 1.0, dgemm(1.0, noise, gain), 1, 0, 1)
-        dgemm(1.0, gain, correction, 1.0, matrix, 1, 0, 1)
+        held, size = self._held, len(self.state)
+        matrix, whole, chains = held.whole, *rows
+        shared = dgemm(1.0, held.blocks, chains).reshape(size, -1, order="F")
+        root = factor(dgemm(1.0, whole.T, shared, 1.0, noise, 1))
+        gain = dtrsm(1.0, root, dtrsm(1.0, root, shared, 1, 1, 1), 1, 1)
+        self.state += gain.dot(values - whole.dot(self.state))
+        dgemm(-1.0, gain, shared, 1.0, matrix, 0, 1, 1)
+        rest = dgemm(-1.0, held.blocks, chains).reshape(size, -1, order="F")
+        dgemm(1.0, dgemm(1.0, gain, noise, 1.0, rest, 0, 0, 1), gain, 1.0, matrix, 0, 1, 1)
 
-    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""
-        covariance = rows @ self._held.whole @ rows.T
+        covariance = rows.whole @ self._held.whole @ rows.whole.T
         return (covariance + covariance.T) / 2
 
     def inflate(self, factor: float) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,17 @@ class Step:
     input_map: NDArray[np.float64]
     process_noise: NDArray[np.float64]
     noise_root: NDArray[np.float64]
+
+
+class Rows(NamedTuple):
+    """What a measurement sees of the state, H = E ⊗ I₃, in split order, read only.
+
+    whole: H, shape (k, 6(N−1)).
+    chains: Eᵀ, shape (2(N−1), k/3), in Fortran's order.
+    """
+
+    whole: NDArray[np.float64]
+    chains: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -165,7 +176,7 @@ class FormationModel:
         Raises:
             BadInput: a pair of vehicles that do not exist, or of one with itself.
         """
-        return rows(self.vehicles, tuple(pairs), velocities)[:, self.paper_order]
+        return rows(self.vehicles, tuple(pairs), velocities).whole[:, self.paper_order]
 
 
 def check_pair(vehicles: int, pair: Pair) -> None:
@@ -180,8 +191,8 @@ def check_pair(vehicles: int, pair: Pair) -> None:
 
 
 @lru_cache(maxsize=1024)
-def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> NDArray[np.float64]:
-    """C, or H where velocities are told too, in split order, shape (3m, 6(N−1)) or (6m, 6(N−1)), read only.
+def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> Rows:
+    """C, or H where velocities are told too, of m pairs, k = 3m or 6m.
 
     p_i − p_j = r_i + … + r_{j−1} for i < j, and its negative for i > j.
 
@@ -194,8 +205,11 @@ def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> NDArray[np
         check_pair(vehicles, (i, j))
         for half in range(told):
             chain[half, half, min(i, j) : max(i, j)] = 1.0 if i < j else -1.0
-    found: NDArray[Any] = np.kron(chains.reshape(told * len(pairs), -1), np.eye(3))
-    found.setflags(write=False)
+    flat = chains.reshape(told * len(pairs), -1)
+    whole: NDArray[Any] = np.kron(flat, np.eye(3))
+    found = Rows(whole, flat.T)
+    for array in found:
+        array.setflags(write=False)
     return found
 
 

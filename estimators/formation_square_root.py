@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from .formation_covariance import check_finite, check_positive
-from .formation_model import Step
+from .formation_model import Rows, Step
 
 
 class SquareRootBelief:
@@ -49,13 +49,13 @@ class SquareRootBelief:
         moved[:half] += step.duration_s * self._root[half:]
         self._root = _triangular(np.hstack([moved, step.noise_root]))
 
-    def update(self, rows: NDArray[np.float64], values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
+    def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
         """A measurement z = H x + noise.
 
         [[E, 0], [G, S⁺]] = [[R^½, H S], [0, S]] Θ,  x̂⁺ = x̂ + G E⁻¹ (z − H x̂)            Kaminski, Bryson, Schmidt 1971
 
         Args:
-            rows: H, shape (k, 6n).
+            rows: H, k rows.
             values: z, shape (k,).
             noise: R, symmetric, shape (k, k).
         Raises:
@@ -66,16 +66,16 @@ class SquareRootBelief:
         count, size = len(noise), len(self._root)
         array = np.zeros((count + size, count + size))
         array[:count, :count] = np.linalg.cholesky(noise)
-        array[:count, count:] = rows @ self._root
+        array[:count, count:] = rows.whole @ self._root
         array[count:, count:] = self._root
         after = _triangular(array)
-        innovation = solve_triangular(after[:count, :count], values - rows.dot(self.state), lower=True)
+        innovation = solve_triangular(after[:count, :count], values - rows.whole.dot(self.state), lower=True)
         self.state += after[count:, :count].dot(innovation)
         self._root = after[count:, count:]
 
-    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""
-        seen = rows @ self._root
+        seen = rows.whole @ self._root
         covariance: NDArray[np.float64] = seen @ seen.T
         return covariance
 
