@@ -44,3 +44,7 @@ def test_kinds_name_what_their_parameters_choose() -> None:
     """The solver of a moving horizon; most kinds name nothing."""
     assert libraries(compile_plan(load_scenario("mhe-pitch"))) == {"daqp": version("daqp")}
     assert libraries(compile_plan(load_scenario("dfa4"))) == {}
+    assert libraries(compile_plan(load_scenario("mav3"))) == {}
+    pytest.importorskip("numba")
+    compiled = compile_plan(load_scenario("mav3", ["agents.filtering.form=compiled"]))
+    assert libraries(compiled) == {"numba": version("numba")}
