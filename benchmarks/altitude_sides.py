@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.agents.altitude_ekf import measured
+from volery.agents.altitude_network import measured
 from volery.estimators.altitude_components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
 from volery.estimators.modular_filter import GROUND, GroundJumps, ModularFilter
 from volery.estimators.replay import Stamped

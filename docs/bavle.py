@@ -19,7 +19,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from volery.agents.altitude_ekf import measured
+from volery.agents.altitude_network import measured
 from volery.agents.altitude_parameters import AltitudeEkfParameters
 from volery.agents.plan import Plan
 from volery.estimators.altitude_components import Ground

@@ -115,6 +115,21 @@ def test_the_altitude_is_right_within_centimetres() -> None:
     np.testing.assert_array_equal(seen.truth[0, 0], [0, 0, 0])
 
 
+def test_findings_are_what_the_run_shows() -> None:
+    """Mean errors in centimetres, apart over the table, how consistent the filter is, and what became of the frames."""
+    record = run(plan_of())
+    found = {finding.name: finding for finding in AltitudeEkf.findings(record.plan, record)}
+    seen = samples(record, "altitude")
+    errors, over_table = 100 * altitude_errors(seen), seen.truth[:, 0, 1] > 0
+    assert found["mean error of the altitude"].value == pytest.approx(errors.mean())
+    assert found["mean error of the altitude over obstacles"].value == pytest.approx(errors[over_table].mean())
+    assert found["mean error of the altitude over the floor"].value == pytest.approx(errors[~over_table].mean())
+    assert 70 < found["altitude within two deviations"].value <= 100
+    assert found["measurements at the hub"].text.startswith(f"{counts(record)['in order']:,.0f} in order, ")
+    silent = run(plan_of(faults=[Kill("k", 0, None, "hub")], seconds=1))
+    assert AltitudeEkf.findings(silent.plan, silent) == []
+
+
 def test_the_oracle_is_the_filter_without_links() -> None:
     """With links of 2 ms the hub lacks at most the newest sample of each sensor; with links of 300 ms it lacks more."""
     quick, slow = (
