@@ -159,6 +159,9 @@ def run_forward(
     t⁺ = Φ t + Σ Φ B u,  N⁺ = Φ N Φᵀ + Q(age + unseen), with Φ over the age for the values, and over the time since the
     sender last saw the vehicle for the covariance.
 
+    What nobody knows has moved the own prediction as well. An update that takes the two errors as independent claims
+    too much, the more the older the message is; covariance intersection does not.
+
     Args:
         model: dynamics and noise.
         history: the forces since the message's instant.

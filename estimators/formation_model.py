@@ -29,16 +29,21 @@ NANOSECOND = 1e-9
 class Step:
     """What a step does, in split order.
 
+    model: of the formation.
     duration_s: its length [s].
     input_map: B, shape (6(N−1), 3N).
-    process_noise: Q, shape (6(N−1), 6(N−1)).
-    noise_root: G with G Gᵀ = Q, shape (6(N−1), 6N).
+    process_noise: Q, shape (6(N−1), 6(N−1)), in Fortran's order.
     """
 
+    model: FormationModel
     duration_s: float
     input_map: NDArray[np.float64]
     process_noise: NDArray[np.float64]
-    noise_root: NDArray[np.float64]
+
+    @cached_property
+    def noise_root(self) -> NDArray[np.float64]:
+        """G with G Gᵀ = Q, shape (6(N−1), 6N)."""
+        return self.model.noise_root(self.duration_s)[self.model.split_order]
 
 
 class Rows(NamedTuple):
@@ -141,7 +146,7 @@ class FormationModel:
         return tuple(np.kron(np.kron(shared, part), np.eye(3)) for part in parts)
 
     def step(self, duration_ns: int) -> Step:
-        """What a step of this duration does; steps that were asked for lately are kept."""
+        """What a step of this duration does; those asked for lately are kept, for all models that are equal."""
         return self._steps(duration_ns)
 
     def transition(self, duration_s: float) -> NDArray[np.float64]:
@@ -218,7 +223,8 @@ def _incidence(vehicles: int) -> NDArray[np.float64]:
     return np.eye(vehicles)[:-1] - np.eye(vehicles)[1:]
 
 
+@lru_cache(maxsize=64)
 def _step(model: FormationModel, duration_ns: int) -> Step:
     seconds, order = duration_ns * NANOSECOND, model.split_order
     noise = np.asfortranarray(model.process_noise(seconds)[np.ix_(order, order)])
-    return Step(seconds, model.input_map(seconds)[order], noise, model.noise_root(seconds)[order])
+    return Step(model, seconds, model.input_map(seconds)[order], noise)

@@ -1,12 +1,15 @@
 """Messages of a formation: run forward, folded, counted; what complete information gives, and what repetition costs."""
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.estimators import metrics
-from volery.estimators.formation_consensus import ConsensusFilter, ConsensusSettings, Delay
+from volery.estimators.formation_consensus import ConsensusFilter, ConsensusSettings, Delay, Fusion
 from volery.estimators.formation_control import control, regulator
 from volery.estimators.formation_filter import FormationFilter, Observation, sighting
 from volery.estimators.formation_messages import FullMessage, History, Message, PairMessage, run_forward
@@ -200,6 +203,38 @@ def test_the_consensus_filter_is_overconfident_under_loss_and_covariance_interse
     bound = metrics.chi_square_bounds(12, 60, 1 - 1e-6)[1]
     assert mean["kalman"] > bound
     assert mean["intersection"] < 12.0 < bound
+
+
+def late_nees(seed: int, fusion: Fusion) -> list[float]:
+    """NEES, a second apart, of a vehicle that is blind and hears independent measurements 0.4 s late."""
+    model, late = FormationModel(2), 12
+    own = FormationFilter(model, np.zeros(6), (0.3, 0.3))
+    one = ConsensusFilter(own, ConsensusSettings(fusion=fusion))
+    truth, errors = stream(seed, "test", "late truth"), stream(seed, "test", "late error")
+    noise, pair, seen, values = one.settings.noise(1), 0.3 * vector(truth, 0, 6), [], []
+    for k in range(1, 181):
+        push = model.acceleration_noise * np.subtract(*vector(truth, k, 6).reshape(2, 3))
+        pair[:3] += STEP_S * pair[3:] + STEP_S**2 / 2 * push
+        pair[3:] += STEP_S * push
+        seen.append(PairMessage(0, 1, k * STEP_NS, pair + np.sqrt(noise.diagonal()) * vector(errors, k, 6)))
+        one.predict(k * STEP_NS, np.zeros(6))
+        if k % 6 == 0 and k > late:
+            one.receive(replace(seen[k - late - 1], covariance=noise))
+        one.update([])
+        if k % 30 == 0 and k > 30:
+            values.append(float(metrics.nees(own.state - pair, own.covariance)))
+    return values
+
+
+def test_messages_that_were_run_forward_far_claim_too_much_and_intersection_does_not() -> None:
+    """What moved the vehicles meanwhile is in the own prediction too: NEES of 6 states against its bound at 1 − 1e-6.
+
+    20 seeds of five values a second apart, by when five newer messages have come.
+    """
+    bound = metrics.chi_square_bounds(6, 100, 1 - 1e-6)[1]
+    mean = {fusion: np.mean([late_nees(seed, fusion) for seed in range(20)]) for fusion in get_args(Fusion)}
+    assert mean["kalman"] > bound
+    assert mean["intersection"] < bound
 
 
 def test_of_each_sender_the_newest_is_folded_once() -> None:
