@@ -154,7 +154,8 @@ def fig3(figure: Figure) -> Iterator[str]:
         during = (flown.time * NANOSECONDS >= from_ns) & (flown.time * NANOSECONDS < until_ns)
         yield f"{name}, {from_ns / NANOSECONDS:.0f} s to {until_ns / NANOSECONDS:.0f} s: {_error(flown.error[during])}"
     readings = seen(flown.record.plan, "laser", "range")[1]
-    below = np.array([flown.world.truth(period_ns(20.0, index))[0] for index in range(len(readings))])
+    rate = flown.world.sensors("laser")["range"]
+    below = np.array([flown.world.truth(period_ns(rate, index))[0] for index in range(len(readings))])
     yield f"the range taken for the altitude: {_error(np.abs(readings - below))}"
     heights = seen(flown.record.plan, "baro", "barometer")[1]
     yield f"the barometer taken for the altitude: {_error(np.abs(heights - below))}"

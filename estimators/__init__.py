@@ -12,12 +12,14 @@ The formation of MAVs is imported by module, as it needs more of scipy than othe
 `formation_square_root`, `formation_consensus` the distributed one with `formation_messages` and
 `formation_intersection`, `formation_control` the regulator, and `formation_assignment` who tracks whom. So are their
 frames: `inertial_frame` filters the attitude of one vehicle, `so3_consensus` is the law by which several agree on one
-frame, and `frame_consensus` both as one agent needs them. So is moving horizon estimation: `error_state` says what a
-model with an error state is, `quadrotor_model` and `attitude_model` are such models, `moving_horizon` smooths
-`windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is the filter beside it. So are
-distributed Kalman filters: `filters` has them by name, `filtering` says what one is, `gaussian` has beliefs about a
-state that moves, and `average_consensus` the ways to average beneath them, `chebyshev` and `gossip` among these. The
-filters are in `kalman_consensus`, `diffusion`, `consensus_filters`, `covariance_intersection` and `event_triggered`.
+frame, and `frame_consensus` both as one agent needs them. So is the altitude filter: `modular_filter` puts
+`altitude_components` together, and `replay` takes what they measure in any order. So is moving horizon estimation:
+`error_state` says what a model with an error state is, `quadrotor_model` and `attitude_model` are such models,
+`moving_horizon` smooths `windows` of one with bounds by `quadratic_programs`, and `error_state_kalman` is the filter
+beside it. So are distributed Kalman filters: `filters` has them by name, `filtering` says what one is, `gaussian` has
+beliefs about a state that moves, and `average_consensus` the ways to average beneath them, `chebyshev` and `gossip`
+among these. The filters are in `kalman_consensus`, `diffusion`, `consensus_filters`, `covariance_intersection` and
+`event_triggered`.
 """
 
 from . import metrics
