@@ -256,14 +256,17 @@ def test_paired_channels_meet_senders_of_more_rounds(tmp_path: Path) -> None:
     assert correlation() < 0.7
 
 
-def test_a_filter_that_diverges_is_infinitely_wrong(tmp_path: Path) -> None:
-    """Estimates that are no numbers do not pass for unknown: the errors of such a run are infinite."""
+def test_an_agent_of_ones_own(tmp_path: Path) -> None:
+    """What it finds has columns, estimates that are no numbers make errors infinite, its code is part of the sweep."""
     (tmp_path / "diverging.py").write_text(
         "from volery.agents import agent\n\n\n"
         "class Diverging(agent.Agent):\n"
         "    timers_only = True\n\n"
         "    def start(self):\n"
         "        self.context.set_timer(0)\n\n"
+        "    @classmethod\n"
+        "    def findings(cls, plan, run):\n"
+        "        return [agent.Finding('NEES, mean', 3.0, 'm/s'), agent.Finding('only words', text='…')]\n\n"
         "    def on_timer(self, timer):\n"
         "        self.context.report('x', float('nan') if timer.index == 3 else 1.0, timer.index)\n"
         "        self.context.set_timer(timer.time_ns + 10_000_000, index=timer.index + 1)\n\n"
@@ -279,6 +282,10 @@ def test_a_filter_that_diverges_is_infinitely_wrong(tmp_path: Path) -> None:
     done = swept(tmp_path / "own", plan_sweep(scenario), repeat=1)
     assert done.rows[0].values["x.oracle_error.steady_rms"] == float("inf")
     assert mean_interval(list(done.values("x.disagreement.final")[0].values())).mean == float("inf")
+    assert {name: value for name, value in done.rows[0].values.items() if "finding" in name} == {
+        "findings.NEES, mean": 3.0,
+        "findings.only words": None,
+    }
     before = plan_sweep(scenario).digest
     with (tmp_path / "diverging.py").open("a", encoding="utf-8") as file:
         file.write("# another version\n")
