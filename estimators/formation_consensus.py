@@ -180,35 +180,32 @@ class ConsensusFilter:
 
     def _due(self) -> list[Message]:
         """Messages to use now: of each sender and pair the newest whose instant has come, or the last that arrived."""
+        arrived, self._waiting = self._waiting, []
         newest: dict[_Stream, Message] = {}
-        if self.settings.delay == "ignore":
-            due, self._waiting = self._waiting, []
-            for message in due:
-                self.account.superseded += (message.sender, message.pairs) in newest
-                newest[message.sender, message.pairs] = message
-            return list(newest.values())
-        self._drop_out_of_reach()
-        due = [message for message in self._waiting if message.time_ns <= self.own.time_ns]
-        self._waiting = [message for message in self._waiting if message.time_ns > self.own.time_ns]
-        for message in due:
-            key = message.sender, message.pairs
-            if message.time_ns <= self._newest.get(key, message.time_ns - 1):
-                self.account.superseded += 1
+        stamped = self.settings.delay == "compensate"
+        for message in arrived:
+            if stamped and not self._in_time(message):
                 continue
+            key = message.sender, message.pairs
             self.account.superseded += key in newest
             newest[key] = message
             self._newest[key] = message.time_ns
         return list(newest.values())
 
-    def _drop_out_of_reach(self) -> None:
-        """Forget what cannot be run forward: stamped before the history, or further ahead than it is long."""
-        reach_ns = self.own.time_ns + self.settings.history_ns
-        old = sum(message.time_ns < self._history.oldest_ns for message in self._waiting)
-        ahead = sum(message.time_ns > reach_ns for message in self._waiting)
-        self.account.too_old += old
-        self.account.ahead += ahead
-        if old or ahead:
-            self._waiting = [m for m in self._waiting if self._history.oldest_ns <= m.time_ns <= reach_ns]
+    def _in_time(self, message: Message) -> bool:
+        """Whether a message is to be run forward now; one whose instant is to come waits, if it is not far ahead."""
+        ahead_ns = message.time_ns - self.own.time_ns
+        if ahead_ns > self.settings.history_ns:
+            self.account.ahead += 1
+        elif ahead_ns > 0:
+            self._waiting.append(message)
+        elif message.time_ns < self._history.oldest_ns:
+            self.account.too_old += 1
+        elif message.time_ns <= self._newest.get((message.sender, message.pairs), message.time_ns - 1):
+            self.account.superseded += 1
+        else:
+            return True
+        return False
 
     def _observation(self, message: Message) -> Observation:
         noise = self.settings.noise(len(message.pairs)) if message.covariance is None else message.covariance

@@ -8,7 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,7 +37,7 @@ class PairMessage:
     attitude: NDArray[np.float64] | None = None
     covariance: NDArray[np.float64] | None = None
 
-    @property
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """The one pair that is told."""
         return ((self.sender, self.seen),)
@@ -63,7 +63,7 @@ class FullMessage:
     covariance: NDArray[np.float64] | None = None
     unseen_ns: int = 0
 
-    @property
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Every vehicle and the next."""
         return tuple((i, i + 1) for i in range(len(self.values) // 6))
