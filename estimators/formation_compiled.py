@@ -67,8 +67,8 @@ class CompiledBelief:
         return (covariance + covariance.T) / 2
 
     def inflate(self, factor: float) -> None:
-        """P⁺ = factor · P."""
-        self._covariance *= factor
+        """P⁺ = factor · P, made symmetric again: what rounding left of asymmetry would grow from message to message."""
+        self._covariance[...] = (self._covariance + self._covariance.T) * (factor / 2)
 
 
 @njit(cache=True, error_model="numpy")

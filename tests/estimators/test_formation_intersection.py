@@ -80,3 +80,18 @@ def test_a_bound_is_never_below_and_at_most_twice_the_largest_of_each_half(seed:
     assert np.linalg.eigvalsh(bound - covariance).min() > -1e-12 * bound.max()
     assert position**2 <= 2.0 * np.linalg.eigvalsh(covariance[:3, :3])[-1] * (1 + 1e-12)
     assert velocity**2 <= 2.0 * np.linalg.eigvalsh(covariance[3:, 3:])[-1] * (1 + 1e-12)
+
+
+def test_the_covariance_stays_symmetric_and_positive_over_thousands_of_messages() -> None:
+    """As in a minute of flight: rounding is not amplified by the inflation that each message brings."""
+    own = FormationFilter(MODEL, np.zeros(12), (0.3, 0.3))
+    sighting = Observation(((0, 1),), np.zeros(3), 4e-4 * np.eye(3))
+    told = np.diag(np.repeat([1.6e-3, 0.1], 3))
+    for step in range(1800):
+        own.predict(step * MODEL.step_ns + MODEL.step_ns, np.zeros(9))
+        own.update((sighting,))
+        if step % 3 == 0:
+            pair = ((1, 2), (2, 0))[step % 2]
+            assert 0.0 < intersect(own, Observation((pair,), np.zeros(6), told)) <= 1.0
+    assert np.linalg.eigvalsh(own.covariance).min() > 1e-6
+    assert np.abs(own.covariance).max() < 10.0
