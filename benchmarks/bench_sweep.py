@@ -5,7 +5,7 @@ from __future__ import annotations
 from measuring import in_turn, median_ratio, medians, table, verdict
 from sweeps import CELLS
 
-REPEAT = 10
+REPEAT = 12
 REPETITIONS = 3
 BOUND = 1.7
 

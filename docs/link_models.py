@@ -235,3 +235,29 @@ def order(figure: Figure) -> Iterator[str]:
         dues = [due for _, _, due in frames(record, "1", "2")]
         overtaken = sum(due < max(dues[:index], default=0) for index, due in enumerate(dues))
         yield f"reordering: {word}: {overtaken} of {len(dues)} frames overtake an earlier one"
+
+
+def paired(figure: Figure) -> Iterator[str]:
+    """What a sender of few frames and one of many meet on the same link, by frames and by slots of time."""
+    figure.set_size_inches(WIDTH_IN, 2.6)
+    burst = "loss: {gilbert-elliott: {to_bad: 0.1, to_good: 0.2}}"
+    for slot, axes in zip(("null", "20 ms"), figure.subplots(2, 1, sharex=True), strict=True):
+        lost = {}
+        for place, rate in enumerate((10, 50)):
+            record = simulate(
+                f"agents={{kind: beacon, talkers: [1], rate: {rate} Hz, phase: aligned, size: 20 B}}",
+                f"links={{{burst}, paired: {slot}}}",
+            )
+            lost[rate] = {sent.start_ns: fate == "loss" for sent, fate, _ in frames(record, "1", "2")}
+            for fate, colour in ((False, SKY), (True, VERMILION)):
+                times = [start / MS for start, is_lost in lost[rate].items() if is_lost == fate and start is not None]
+                axes.plot(times, [place] * len(times), "|", ms=12, mew=1.6, color=colour)
+        axes.set_yticks([0, 1], ["10 Hz", "50 Hz"])
+        axes.set_ylim(-0.5, 1.5)
+        name = "frame by frame" if slot == "null" else f"paired: {slot}"
+        axes.set_title(name, loc="left")
+        common = lost[10].keys() & lost[50].keys()
+        alike = sum(lost[10][start] == lost[50][start] for start in common)
+        yield f"{name}: {alike} of {len(common)} frames at common instants meet the same"
+    axes.set_xlim(0, 1000)
+    axes.set_xlabel("time (ms); red: lost")

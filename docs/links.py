@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from link_models import bit_error, correlation, corruption, distance, latency, loss, order, time_loss, trace
+from link_models import bit_error, correlation, corruption, distance, latency, loss, order, paired, time_loss, trace
 from matplotlib import style
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, planned, settings_of, simulate, space_time
@@ -210,6 +210,7 @@ DRAWN: dict[str, Draw] = {
         latency,
         correlation,
         order,
+        paired,
         hold,
         direction,
         presence,
