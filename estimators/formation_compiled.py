@@ -111,27 +111,33 @@ def _update(state, covariance, rows, values, noise):  # type: ignore[no-untyped-
     for a in range(len(rows)):
         for j in range(len(state)):
             state[j] += innovation[a] * gain[a, j]
-    _add_outer(covariance, shared, gain, -1.0)
-    _add_outer(covariance, gain, _add_product(_product(noise, gain), rows, covariance, -1.0), 1.0)
+    _add_outer(covariance, gain, shared, -1.0)
+    _add_outer(covariance, _product(noise, gain) - _transposed_product(rows, covariance), gain, 1.0)
     return True
 
 
 @njit(cache=True, error_model="numpy")
 def _product(left, right):  # type: ignore[no-untyped-def]
     """A B, where most of A is zero."""
-    return _add_product(np.zeros((left.shape[0], right.shape[1])), left, right, 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def _add_product(matrix, left, right, factor):  # type: ignore[no-untyped-def]
-    """M + factor · A B, in place, where most of A is zero."""
+    result = np.zeros((left.shape[0], right.shape[1]))
     for a in range(left.shape[0]):
         for b in range(left.shape[1]):
             if left[a, b] != 0.0:
-                scaled = factor * left[a, b]
                 for j in range(right.shape[1]):
-                    matrix[a, j] += scaled * right[b, j]
-    return matrix
+                    result[a, j] += left[a, b] * right[b, j]
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def _transposed_product(left, right):  # type: ignore[no-untyped-def]
+    """A Bᵀ, where most of A is zero."""
+    result = np.zeros((left.shape[0], right.shape[0]))
+    for a in range(left.shape[0]):
+        for b in range(left.shape[1]):
+            if left[a, b] != 0.0:
+                for i in range(right.shape[0]):
+                    result[a, i] += left[a, b] * right[i, b]
+    return result
 
 
 @njit(cache=True, error_model="numpy")

@@ -70,9 +70,9 @@ class JosephBelief:
         """A measurement z = H x + noise.
 
         L = P Hᵀ (H P Hᵀ + R)⁻¹,  x̂⁺ = x̂ + L (z − H x̂),  P⁺ = (I − L H) P (I − L H)ᵀ + L R Lᵀ
-        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + (L R − Y Hᵀ) Lᵀ with Y = P − L H P: it is the
-        covariance of any gain, so that the rounding of the gain does no harm. H is E ⊗ I₃, so that P Hᵀ needs a
-        third of the products.
+        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + L (R Lᵀ − H Y) with Y = P − P Hᵀ Lᵀ: it is the
+        covariance of any gain, so that the rounding of the gain does no harm; and what is not symmetric in P, by
+        rounding, decays as the errors of the estimate do. H is E ⊗ I₃, so that P Hᵀ needs a third of the products.
 
         Args:
             rows: H, k rows.
@@ -89,9 +89,9 @@ class JosephBelief:
         root = factor(dgemm(1.0, whole.T, shared, 1.0, noise, 1))
         gain = dtrsm(1.0, root, dtrsm(1.0, root, shared, 1, 1, 1), 1, 1)
         self.state += gain.dot(values - whole.dot(self.state))
-        dgemm(-1.0, gain, shared, 1.0, matrix, 0, 1, 1)
-        rest = dgemm(-1.0, held.blocks, chains).reshape(size, -1, order="F")
-        dgemm(1.0, dgemm(1.0, gain, noise, 1.0, rest, 0, 0, 1), gain, 1.0, matrix, 0, 1, 1)
+        dgemm(-1.0, shared, gain, 1.0, matrix, 0, 1, 1)
+        rest = dgemm(-1.0, whole.T, matrix, 1.0, dgemm(1.0, noise, gain, 0.0, trans_b=1), 1, 0, 1)
+        dgemm(1.0, gain, rest, 1.0, matrix, 0, 0, 1)
 
     def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""

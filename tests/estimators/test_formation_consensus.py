@@ -11,7 +11,7 @@ from volery.errors import BadInput
 from volery.estimators import metrics
 from volery.estimators.formation_consensus import ConsensusFilter, ConsensusSettings, Delay, Fusion
 from volery.estimators.formation_control import control, regulator
-from volery.estimators.formation_filter import FormationFilter, Observation, sighting
+from volery.estimators.formation_filter import Form, FormationFilter, Observation, sighting
 from volery.estimators.formation_messages import FullMessage, History, Message, PairMessage, run_forward
 from volery.estimators.formation_model import FormationModel
 from volery.randomness import Stream, stream
@@ -203,6 +203,32 @@ def test_the_consensus_filter_is_overconfident_under_loss_and_covariance_interse
     bound = metrics.chi_square_bounds(12, 60, 1 - 1e-6)[1]
     assert mean["kalman"] > bound
     assert mean["intersection"] < 12.0 < bound
+
+
+@pytest.mark.parametrize("form", ["joseph", "compiled"])
+def test_covariances_stay_what_they_are_over_a_long_flight(form: Form) -> None:
+    """A minute of intersections, each of which enlarges the covariance: as the square-root form has it.
+
+    Against that one, which cannot lose symmetry or sign. Tolerance: rounding of 1,800 steps, which all contract.
+    """
+    if form == "compiled":
+        pytest.importorskip("numba")
+    settings = ConsensusSettings(fusion="intersection", weighting="fast")
+    both = [
+        ConsensusFilter(FormationFilter(MODEL, np.zeros(12), (0.3, 0.3), form=kind), settings)
+        for kind in (form, "square-root")
+    ]
+    seen, message = sighting(0, 1, np.zeros(3), 0.02), np.diag(np.repeat([0.013**2, 0.17**2], 3))
+    for k in range(1, 1801):
+        for one in both:
+            one.predict(k * STEP_NS, STILL)
+            if k % 6 == 0:
+                for sender in (1, 2):
+                    one.receive(replace(told(k * STEP_NS, sender=sender, seen=RING[sender][1]), covariance=message))
+            one.update([seen])
+    own, root = (one.own.covariance for one in both)
+    np.testing.assert_allclose(own, root, rtol=0, atol=1e-9 * np.abs(root).max())
+    np.linalg.cholesky(own)
 
 
 def late_nees(seed: int, fusion: Fusion) -> list[float]:

@@ -19,6 +19,13 @@ STEP_S = STEP_NS * 1e-9
 FORMS: tuple[Form, ...] = get_args(Form)
 
 
+@pytest.fixture(autouse=True)
+def _with_numba(request: pytest.FixtureRequest) -> None:
+    """The compiled form is tried where it can be had."""
+    if "form" in request.fixturenames and request.getfixturevalue("form") == "compiled":
+        pytest.importorskip("numba")
+
+
 def normals(seed: int, *shape: int) -> NDArray[np.float64]:
     """Standard normal draws."""
     draws = stream(seed, "test", "formation")
