@@ -72,7 +72,8 @@ class Mav(Agent):
         self._filter = ConsensusFilter(own, parameters.filtering.settings())
         frames = parameters.frames
         anchor = frames.anchor if frames.consensus else 0.0
-        self._frames = FrameConsensus(context.name, {}, frames.step, frame_model(), anchor=anchor)
+        on_ground = frames.upright if context.now_ns == 0 else None
+        self._frames = FrameConsensus(context.name, {}, frames.step, frame_model(), anchor=anchor, upright=on_ground)
         self._regroup(model)
         self._sights: deque[tuple[int, Mapping[int, Sight]]] = deque()
         self._seen_ns = self._met_ns = context.now_ns

@@ -29,7 +29,10 @@ class CentralisedFormation:
         count = len(self._names)
         reference = first.states(count)[first.reference_at(0)]
         self._filter = FormationFilter(first.model(count), reference, (0.3, 0.3), form=first.filtering.form)
-        self._frames = {name: FrameConsensus(name, {}, first.frames.step, frame_model()) for name in self._names}
+        frames = first.frames
+        self._frames = {
+            name: FrameConsensus(name, {}, frames.step, frame_model(), upright=frames.upright) for name in self._names
+        }
         self._forces = np.zeros((count, 3))
         self._now_ns = 0
         self._seen: list[Observation] = []

@@ -79,12 +79,14 @@ class Frames:
     """How the inertial frame is found and agreed; see `estimators.frame_consensus`.
 
     `consensus` false: each vehicle keeps its own. `noise` is that of the own attitude, as it counts with a sighting.
+    `upright`: standard deviation of the tilt with which vehicles start; one that comes back in flight knows nothing.
     """
 
     consensus: bool = True
     step: float = 0.3
     anchor: float = 0.02
     noise: Radians = _DEGREE
+    upright: Radians = _DEGREE
 
 
 @dataclass(frozen=True)

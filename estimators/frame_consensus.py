@@ -31,7 +31,17 @@ from ..rotations import (
     quaternion_product,
 )
 from .checks import as_array, check_neighbour
-from .inertial_frame import LONGEST_STEP_S, ImuEstimate, ImuModel, Reading, at_rest, implied_attitude, predict, update
+from .inertial_frame import (
+    LONGEST_STEP_S,
+    ImuEstimate,
+    ImuModel,
+    Reading,
+    at_rest,
+    check_upright,
+    implied_attitude,
+    predict,
+    update,
+)
 from .so3_consensus import check_anchor, consensus_step, seen_attitude
 
 Floats = NDArray[np.float64]
@@ -50,9 +60,12 @@ class FrameConsensus:
         step: ε, dimensionless; `check_step` holds it against the whole graph, here against the own weights only.
         model: of the IMU.
         anchor: κ in [0, 1), how far one step pulls the frame back to the local one, dimensionless.
+        upright: standard deviation of the tilt [rad] with which it begins, if it is known to begin upright, as on the
+            ground; None: in any attitude, and what force is read first is taken for up.
         memory_ns: how far back attitudes are remembered, and so how old a message may be [ns].
     Raises:
-        BadInput: a weight that is not positive or the agent's own, a step that cannot converge, or no memory.
+        BadInput: a weight that is not positive or the agent's own, a step that cannot converge, an `upright` that is
+            not positive, or no memory.
     """
 
     def __init__(
@@ -63,14 +76,18 @@ class FrameConsensus:
         model: ImuModel,
         *,
         anchor: float = 0.0,
+        upright: float | None = None,
         memory_ns: int = _SECOND_NS,
     ) -> None:
         check_anchor(anchor)
+        if upright is not None:
+            check_upright(upright)
         if memory_ns <= 0:
             raise BadInput(f"memory at {name} is {memory_ns} ns: must be above 0, and longer than messages take")
         self.name = name
         self.correction = _SAME_FRAME
         self._model, self._step, self._anchor, self._memory_ns = model, step, anchor, memory_ns
+        self._upright = upright
         self._frames: dict[str, Floats] = {}
         self._weights: dict[str, float] = {}
         self.weigh(weights)
@@ -121,7 +138,7 @@ class FrameConsensus:
                     self._first[what] = as_array(reading, (3,), what)
             if len(self._first) < 2:
                 return
-            self._estimate = at_rest(self._first["force"], self._first["field"], self._model)
+            self._estimate = at_rest(self._first["force"], self._first["field"], self._model, self._upright)
             accelerometer = magnetometer = None
         self._estimate = update(
             self._estimate, self._model, gyro=gyro, accelerometer=accelerometer, magnetometer=magnetometer

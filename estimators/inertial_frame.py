@@ -96,25 +96,48 @@ def imu_model(
     return ImuModel(as_array(inertia, (3, 3), "inertia"), process=diagonals[1], noise=diagonals[0])
 
 
-def at_rest(force: ArrayLike, field: ArrayLike, model: ImuModel) -> ImuEstimate:
+def at_rest(force: ArrayLike, field: ArrayLike, model: ImuModel, upright: float | None = None) -> ImuEstimate:
     """The estimate to begin with: directions as first read, no rotation, but rates as unknown as a second makes them.
 
     Args:
         force: specific force a, shape (3,) [m/s²].
         field: magnetic field μ, shape (3,) [unit of the magnetometer].
         model: for the covariance.
+        upright: standard deviation [rad] about x and y of a body that is known to stand upright, as on the ground: of
+            the force only its size counts then. None for a body in any attitude.
+    Raises:
+        BadInput: a deviation that is not positive.
     """
-    state = np.concatenate([np.zeros(3), as_array(force, (3,), "force"), as_array(field, (3,), "field")])
+    first = as_array(force, (3,), "force")
     covariance = model.noise.copy()
     covariance[_RATES, _RATES] += model.process[_RATES, _RATES]
-    return ImuEstimate(state, covariance)
+    if upright is not None:
+        check_upright(upright)
+        size = math.hypot(*first.tolist())
+        first = np.array((0.0, 0.0, size))
+        covariance[_FORCE] = covariance[:, _FORCE] = 0.0
+        covariance[_FORCE, _FORCE] = np.diag(((size * upright) ** 2, (size * upright) ** 2, model.noise[5, 5]))
+    return ImuEstimate(np.concatenate([np.zeros(3), first, as_array(field, (3,), "field")]), covariance)
+
+
+def check_upright(upright: float) -> None:
+    """Refuse a standard deviation of a tilt that is none.
+
+    Raises:
+        BadInput: it is not positive and finite.
+    """
+    if not 0.0 < upright < math.inf:
+        raise BadInput(f"upright is {upright:g} rad: must be above 0, or None for a body in any attitude")
 
 
 def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
     """The estimate dt_s seconds later; torques are unknown, and directions turn against the body.
 
-    ω⁺ = ω − dt J⁻¹ (ω × J ω),  a⁺ = exp(−skew(ω⁺) dt) a,  μ⁺ likewise,  P⁺ = F P Fᵀ + Q dt
+    ω⁺ = ω − dt J⁻¹ (ω × J ω),  a⁺ = exp(−skew(ω⁺) dt) a,  μ⁺ likewise,  P⁺ = F P Fᵀ + G Q Gᵀ dt
         Nägeli 2014, Algorithm 2, lines 1–3, with the dt that line 1 lacks and the sign that line 2 needs
+
+    Torques come while the body turns, so that what they change of ω turns a and μ through half of the step: G is 1 with
+    half of ∂(a, μ)⁺/∂ω. The gyro's next reading then corrects the directions too, as the trapezoidal rule does.
 
     Raises:
         BadInput: a step that is not positive, or longer than LONGEST_STEP_S.
@@ -122,7 +145,9 @@ def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
     if not 0.0 < dt_s <= LONGEST_STEP_S:
         raise BadInput(f"a step of {dt_s:g} s: must be above 0 and at most {LONGEST_STEP_S:g} s, take several")
     state, F = propagate(estimate.state, model, dt_s)
-    return ImuEstimate(state, F.dot(estimate.covariance).dot(F.T) + model.process * dt_s)
+    G = np.eye(9)
+    G[3:, _RATES] = 0.5 * F[3:, _RATES]
+    return ImuEstimate(state, F.dot(estimate.covariance).dot(F.T) + G.dot(dt_s * model.process).dot(G.T))
 
 
 def propagate(state: Floats, model: ImuModel, dt_s: float) -> tuple[Floats, Floats]:

@@ -75,6 +75,17 @@ def test_nothing_is_known_before_both_directions_are() -> None:
     np.testing.assert_allclose(known(agent.attitude()), ONE, atol=1e-12)
 
 
+def test_who_begins_upright_does_not_take_a_gust_for_up() -> None:
+    """A gust leans the force by 11.5° for 0.1 s: ten more readings of 1 m/s² weigh 0.23 against 1° known before."""
+    for upright, low, high in ((math.radians(1.0), 2.5, 3.3), (None, 11.0, 12.0)):
+        agent = FrameConsensus("1", {"2": 1.0}, 0.3, MODEL, upright=upright)
+        for time_ns in range(0, 11 * IMU_NS, IMU_NS):
+            agent.predict(time_ns)
+            agent.update(gyro=[0.0] * 3, accelerometer=[2.0, 0.0, 9.81], magnetometer=[0.5, 0.0, -0.8])
+        tilted = rot.rotate(known(agent.attitude()), np.array([0.0, 0.0, 1.0]))
+        assert low < math.degrees(math.acos(tilted[2])) < high
+
+
 def test_attitude_between_and_after_readings_follows_the_rotation() -> None:
     """Half way between two readings, and 40 ms after the last, the attitude is the body's then; not after 100 ms."""
     agent = flown(500 * MS, turned(3, -2, 40))
@@ -206,6 +217,7 @@ def test_the_message_is_what_was_seen_in_the_agreed_frame() -> None:
         ({"step": 1.0}, "step at 1 is 1: .* below 1"),
         ({"step": 0.95, "anchor": 0.1}, "step at 1 is 0.95: .* below 0.95"),
         ({"anchor": 1.0}, "anchor is 1"),
+        ({"upright": 0.0}, "upright is 0 rad"),
         ({"memory_ns": 0}, "memory at 1 is 0 ns"),
     ],
 )
