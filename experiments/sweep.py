@@ -44,6 +44,9 @@ class SweepOptions:
         if self.scheduler is not None and self.workers is not None:
             raise BadInput("--workers is for processes on this machine, a Dask cluster has its own: leave out one")
 
+        if self.scheduler is not None and self.keep:
+            raise BadInput("--keep is for runs on this machine: those of a Dask cluster would stay with its workers")
+
     def folder(self, plan: SweepPlan) -> Path:
         """Where the sweep is: what is swept gives the name, so that the same command finds it again."""
         return self.runs / (self.name or f"{plan.name}-{plan.digest[:8]}")

@@ -26,6 +26,8 @@ _OPEN, _CLOSED = "([{", ")]}"
 _DIGITS = 6
 """Significant digits of values that are no round numbers by themselves."""
 _MOST_VALUES = 100_000
+_TRIES = 20
+"""Draws for each cell that is asked for, before there are held to be no more."""
 
 
 @dataclass(frozen=True)
@@ -246,18 +248,22 @@ def grid(axes: Sequence[Axis]) -> list[Cell]:
 
 
 def random_cells(axes: Sequence[Axis], count: int, seed: int) -> list[Cell]:
-    """So many cells with values drawn independently for each axis; the same seed gives the same, and more begin alike.
+    """So many different cells, drawn independently for each axis; the same seed gives the same, and more begin alike.
 
     Raises:
-        BadInput: no cells, or nothing to draw for.
+        BadInput: no cells, nothing to draw for, or fewer combinations than asked for.
     """
     if count < 1 or not axes:
         raise BadInput(f"--random {count}: at least one cell, over at least one KEY=RANGE")
     draws = [stream(seed, "sweep", axis.name) for axis in axes]
-    drawn = (
-        Cell(tuple(axis.draw(own, index) for axis, own in zip(axes, draws, strict=True))) for index in range(count)
+    drawn: dict[Cell, None] = {}
+    for index in range(_TRIES * count):
+        drawn[Cell(tuple(axis.draw(own, index) for axis, own in zip(axes, draws, strict=True)))] = None
+        if len(drawn) == count:
+            return list(drawn)
+    raise BadInput(
+        f"--random {count}: the ranges have hardly more than {len(drawn)} combinations: leave it out, or ask less"
     )
-    return list(dict.fromkeys(drawn))
 
 
 def spanned(axes: Iterable[Axis], cells: Sequence[Cell]) -> Iterator[Axis]:

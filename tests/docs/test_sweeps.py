@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+import volery
 from volery.experiments.cli import app
 from volery.experiments.sweep_axes import axis_of
+from volery.experiments.sweep_plan import SweepPlan, plan_sweep
 
 from .conftest import DOCS, blocks, typed
 
@@ -54,6 +56,15 @@ def test_ranges_of_the_page_are_ranges() -> None:
 def test_commands_parse(line: str) -> None:
     """Every command line of the page is one."""
     app.parse_args(shlex.split(line)[1:], exit_on_error=False)
+
+
+def test_the_python_of_the_page_plans_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Named points that set several fields are cells that can be."""
+    (code,) = blocks(PAGE, "python")
+    plans: list[SweepPlan] = []
+    monkeypatch.setattr(volery, "sweep", lambda scenario, over: plans.append(plan_sweep(scenario, (), over)))
+    exec(compile(code, PAGE, "exec"), {"volery": volery})  # noqa: S102 - our own page
+    assert [cell.labels for cell in plans[0].cells] == [("plain",), ("thorough",)]
 
 
 def test_columns_of_the_page_are_columns() -> None:

@@ -219,6 +219,8 @@ def test_options_out_of_bounds() -> None:
         SweepOptions(1, workers=0).pool()
     with pytest.raises(BadInput, match="leave out one"):
         SweepOptions(1, workers=1, scheduler="tcp://localhost:1")
+    with pytest.raises(BadInput, match="--keep is for runs on this machine"):
+        SweepOptions(1, scheduler="tcp://localhost:1", keep=True)
     with pytest.raises(BadInput, match="stands twice"):
         planned("agents.rounds=1", "agents.rounds=2")
 

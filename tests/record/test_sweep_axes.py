@@ -123,6 +123,9 @@ def test_random_cells_follow_from_the_seed() -> None:
     assert {point.label for point in third.points} == {"x", "y"}
     with pytest.raises(BadInput, match="at least one cell"):
         random_cells(axes, 0, 3)
+    assert len(random_cells([axis_of("c=1:4:1"), axis_of("d=x,y")], 8, 3)) == 8
+    with pytest.raises(BadInput, match="hardly more than 4 combinations"):
+        random_cells([axis_of("c=1:4:1")], 5, 3)
     with pytest.raises(BadInput, match="at least one KEY=RANGE"):
         random_cells([], 5, 3)
 
