@@ -16,7 +16,7 @@ from .agent import Finding, RunData
 from .altitude_parameters import AltitudeEkfParameters
 from .plan import Plan
 from .same_plan import Same
-from .sensor_node import SensorNodeParameters, numbers, widths
+from .sensor_node import SensorNodeParameters, numbers, own_sensors, widths
 
 ALTITUDE, BIAS, COUNTS, DEVIATION = "altitude", "barometer bias", "measurements", "altitude deviation"
 OUTCOMES = ("in order", "replayed", "repeated", "too old", "ahead", "refused")
@@ -47,11 +47,11 @@ def reported(
 
 
 def problems(plan: Plan) -> Sequence[str]:
-    """Several hubs, components without a node, and nodes without a component or with another number of values."""
+    """Several hubs, own sensors, components without a node, nodes without one or with another number of values."""
     hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, AltitudeEkfParameters)]
     if len(hubs) > 1:
         return [f"agents {', '.join(hubs)} are altitude-ekf: a scenario has one, with sensor nodes around it"]
-    return list(_misfits(plan, hubs[0]))
+    return [*own_sensors(plan, hubs[0]), *_misfits(plan, hubs[0])]
 
 
 def _misfits(plan: Plan, hub: str) -> Iterator[str]:

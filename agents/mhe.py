@@ -24,7 +24,7 @@ from .mhe_track import IN_TIME, LATE, TOO_LATE, Pair, Track, widths
 from .payloads import DamagedPayload
 from .plan import Plan
 from .same_plan import Same
-from .sensor_node import SensorNodeParameters
+from .sensor_node import SensorNodeParameters, own_sensors
 
 Floats = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ class Mhe(Agent):
         hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, MheParameters)]
         if len(hubs) > 1:
             return [f"agents {', '.join(hubs)} are mhe: a scenario has one, with sensor nodes around it"]
-        return list(_misfits(plan, hubs[0]))
+        return [*own_sensors(plan, hubs[0]), *_unheard(plan, hubs[0]), *_misfits(plan, hubs[0])]
 
 
 def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Floats]]:
@@ -178,6 +178,22 @@ def _parameters(plan: Plan) -> MheParameters:
     return next(agent.parameters for agent in plan.agents if isinstance(agent.parameters, MheParameters))
 
 
+def _told(plan: Plan, node: str) -> tuple[str, ...]:
+    """The sensors that a node tells of, in the order of their numbers on the wire; none where it is no sensor node."""
+    parameters = plan.agent(node).parameters
+    if not isinstance(parameters, SensorNodeParameters) or plan.world is None:
+        return ()
+    return parameters.sensors or tuple(plan.world.sensors(node))
+
+
+def _unheard(plan: Plan, hub: str) -> Iterator[str]:
+    listed = _parameters(plan).sensors
+    for node in plan.agent(hub).neighbours:
+        if node not in listed and (told := _told(plan, node)):
+            has = ", ".join(told)
+            yield f"what {node} measures would be refused: add {node}: [{has}] to sensors of {hub}, or remove the node"
+
+
 def _misfits(plan: Plan, hub: str) -> Iterator[str]:
     parameters = _parameters(plan)
     for node, listed in parameters.sensors.items():
@@ -185,12 +201,10 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
             near = ", ".join(plan.agent(hub).neighbours)
             yield f"sensors of {hub} name {node}, which is no neighbour of it; its neighbours are {near}"
             continue
-        told = plan.agent(node).parameters
-        rates = {} if plan.world is None else plan.world.sensors(node)
-        numbered = (told.sensors or tuple(rates)) if isinstance(told, SensorNodeParameters) else ()
-        if tuple(listed) != tuple(numbered):
+        rates, told = {} if plan.world is None else plan.world.sensors(node), _told(plan, node)
+        if tuple(listed) != told:
             yield (
-                f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it tells of [{', '.join(numbered)}]: "
+                f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it tells of [{', '.join(told)}]: "
                 "write the same in the same order"
             )
         for sensor, rate in rates.items():

@@ -79,6 +79,8 @@ class MheParameters:
             raise BadInput(f"configurations is {list(self.configurations)}: write A, B, or both, each once")
         if self.accelerometer_bias and "A" not in self.configurations:
             raise BadInput("accelerometer_bias is true, and configuration B has no such state: add A, or leave it out")
+        if self.altitude < self.lowest:
+            raise BadInput(f"altitude is {self.altitude:g} m, and lowest {self.lowest:g} m: it starts out of its bound")
         self._check_sensors()
         for configuration in self.configurations:
             self.model(configuration)

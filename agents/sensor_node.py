@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ..errors import BadInput
@@ -88,6 +88,12 @@ def _problem(name: str, parameters: SensorNodeParameters, rates: dict[str, Hertz
     if parameters.sensors and set(parameters.sensors) != set(rates):
         return f"sensor node {name} lists {', '.join(parameters.sensors)}, the world gives it {has}: list just those"
     return None
+
+
+def own_sensors(plan: Plan, hub: str) -> Iterator[str]:
+    """Sensors of an agent that listens to nodes only, in a sentence with the remedy; nothing if it has none."""
+    if has := _sensors(plan, hub):
+        yield f"{hub} has {', '.join(has)} of its own, and uses what its neighbours send only: give it to a sensor node"
 
 
 def numbers(plan: Plan, name: str) -> list[tuple[str, int]]:

@@ -150,4 +150,5 @@ def _airtime(media: Mapping[str, float]) -> Table:
 def _number(value: float, unit: str = "") -> str:
     if math.isnan(value):
         return _NOTHING
-    return f"{value:.3g} {unit}".rstrip()
+    whole = value >= 1000.0 and float(value).is_integer()
+    return f"{value:{',.0f' if whole else '.3g'}} {unit}".rstrip()

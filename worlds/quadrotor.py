@@ -49,9 +49,10 @@ class Airframe:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name, value in (("mass", self.mass), ("arm", self.arm), ("inertia", min(self.inertia))):
-            if not 0.0 < value < math.inf:
-                raise BadInput(f"{name} is {value:g}, it must be above 0")
+        for name, values in vars(self).items():
+            for value in values if isinstance(values, tuple) else (values,):
+                if not 0.0 < value < math.inf:
+                    raise BadInput(f"{name} is {value:g}, it must be above 0")
         if not 4.0 * self.strongest > self.mass * GRAVITY:
             raise BadInput(f"four rotors of {self.strongest:g} N cannot carry {self.mass:g} kg: give stronger ones")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -236,6 +237,14 @@ def test_components_and_nodes_must_match(parts: dict[str, Any], message: str) ->
     texts = AltitudeEkf.problems(plan_of(parameters=AltitudeEkfParameters(**parts)))
     assert re.search(message, " ".join(texts))
     assert AltitudeEkf.problems(plan_of()) == []
+
+
+def test_a_hub_has_no_sensor_of_its_own() -> None:
+    """It would not be read."""
+    plan = plan_of()
+    carried = (*CARRIED.items(), ("hub", BarometerSensor()))
+    (text,) = AltitudeEkf.problems(replace(plan, world=AltitudeWorld(TOUR, ROOM, carried, 3)))
+    assert text.startswith("hub has barometer of its own")
 
 
 @pytest.mark.parametrize(

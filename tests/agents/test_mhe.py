@@ -247,6 +247,7 @@ SENSORS = {"imu": ("gyroscope", "accelerometer", "magnetometer")}
         ({"configurations": ("B",), "accelerometer_bias": True}, "configuration B has no such state"),
         ({"largest_gyroscope": -0.1}, "no value is within a bound below 0"),
         ({"largest_accelerometer": -0.1}, "no value is within a bound below 0"),
+        ({"altitude": -1.0}, "altitude is -1 m, and lowest 0 m"),
         ({"arm": 0.0}, "arm is 0, it must be above 0"),
     ],
 )
@@ -263,6 +264,8 @@ def test_what_cannot_estimate_is_refused(changes: dict[str, Any], said: str) -> 
         ((f"{HUB}.largest_gyroscope=-1 rad/s",), "no value is within a bound below 0"),
         ((f"{HUB}.rate=150 Hz",), "which do not fall on the 150 points a second of hub"),
         ((f"{HUB}.sensors={{tail: [flow]}}",), "sensors of hub name tail, which is no neighbour of it"),
+        ((f"{HUB}.sensors={{flow: [flow]}}",), r"what imu measures would be refused: add imu: \[gyroscope, acc"),
+        (("world.sensors.hub=flow", "world.sensors.flow=[]"), "hub has flow of its own"),
         ((f"{HUB}.sensors={{left: [flow]}}",), r"say that left has \[flow\], but it tells of \[range_left\]"),
         ((f"{HUB}.where=[hub, back]",), "agents back, hub are mhe"),
         (

@@ -37,7 +37,11 @@ class Counter(Agent):
     def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
         """The largest count, and that it was counted."""
         most = max(float(mine.value.max()) for mine in run.estimates("count").values())
-        return [Finding("largest count", most, "times"), Finding("counting", text=f"{len(plan.agents)} agents counted")]
+        return [
+            Finding("largest count", most, "times"),
+            Finding("thousandths", 1000 * most + 876),
+            Finding("counting", text=f"{len(plan.agents)} agents counted"),
+        ]
 
 
 def _printed(metrics: Metrics) -> str:
@@ -52,7 +56,7 @@ def _counted(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -
 
 
 def test_a_kind_says_what_it_found(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> None:
-    """Numbers and sentences stand in the metrics, in their JSON, and in a table; notes are counted."""
+    """Numbers and sentences stand in the metrics, their JSON and a table, counts with all digits; notes are counted."""
     metrics = _counted(plan_of, twin_run)
     found = {one.name: (one.value, one.unit, one.text) for one in metrics.findings}
     assert found["largest count"] == (9.0, "times", "")
@@ -63,6 +67,7 @@ def test_a_kind_says_what_it_found(plan_of: Callable[..., Plan], twin_run: Calla
     text = _printed(metrics)
     assert "largest count" in text
     assert "9 times" in text
+    assert "9,876" in text
 
 
 def test_what_is_reported_aside_has_no_errors(plan_of: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> None:

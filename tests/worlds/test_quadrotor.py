@@ -190,8 +190,8 @@ def test_a_sensor_that_an_agent_does_not_carry_is_refused() -> None:
         world().measure("hub", "flow", 0)
 
 
-@pytest.mark.parametrize("changes", [{"mass": 3.0}, {"inertia": (0.0, 1.0, 1.0)}, {"arm": math.inf}])
+@pytest.mark.parametrize("changes", [{"mass": 3.0}, {"inertia": (0.0, 1.0, 1.0)}, {"arm": math.inf}, {"turn": 0.0}])
 def test_what_cannot_fly_is_refused(changes: dict[str, Any]) -> None:
-    """Too heavy, without inertia, or boundless."""
+    """Too heavy, without inertia, boundless, or without a way to turn."""
     with pytest.raises(BadInput):
         Airframe(**changes)
