@@ -35,6 +35,8 @@ def find_run(run: str, runs: Path) -> Path:
     for folder in (runs / run, Path(run)):
         if (folder / SCENARIO_FILE).is_file() or (folder / RECORD_FILE).is_file():
             return folder
+    if sweep := find_sweep(run, runs):
+        raise BadInput(f"{sweep} is a sweep and no run: `volery compare` and `volery plot` show it")
     sweeps = [mark.parent.name for mark in runs.glob(f"*/{SWEEP_FILE}")]
     if not present and not sweeps:
         raise BadInput(f"there is no run {run!r}, and {runs} has none: `volery run SCENARIO` makes one")

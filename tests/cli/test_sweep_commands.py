@@ -130,6 +130,7 @@ def test_bad_input_about_results(volery: Volery) -> None:
         "--across loss: no such axis": ("plot", "mine", "--across", "loss"),
         "choose a --measure": ("plot", "mine", "--quantity", "estimate"),
         "did you mean 'mine'": ("compare", "mina"),
+        "is a sweep and no run": ("metrics", "mine"),
     }
     for message, words in told.items():
         said = volery(*words)
