@@ -82,10 +82,11 @@ class KalmanConsensus2007(_KalmanConsensus):
     Args:
         place: where it runs.
         prior: at its first sample.
-        gain: ε, in the inverse of the state's units squared; the paper wants it small.
+        gain: ε, small. It has the inverse of the state's units squared, so what is small enough hangs on these: above
+            1 / (neighbours · ‖M‖) the filter diverges, and M grows where a neighbourhood does not see all of the state.
     """
 
-    def __init__(self, place: Place, prior: Gaussian, *, gain: float = 0.02) -> None:
+    def __init__(self, place: Place, prior: Gaussian, *, gain: float = 1e-4) -> None:
         super().__init__(place, prior, gain)
 
     def consensus_gain(self, M: NDArray[np.float64]) -> NDArray[np.float64]:
