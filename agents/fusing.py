@@ -47,8 +47,10 @@ class FusingAgent(Agent):
 
     def __init__(self, context: Context, parameters: FusingParameters) -> None:
         super().__init__(context, parameters)
-        self._problem: Problem = context.briefing.problem
         self._own: Briefing = context.briefing
+        self._problem = self._own.problem
+        self._start = self._problem.prior
+        self._bound = _TOO_FAR * float(np.sqrt(np.diag(self._start.covariance).max()))
         self._phase = context.random("phase").uniform(0) / SPREAD if parameters.phase == "drawn" else 0.0
         self._readings: dict[int, dict[str, NDArray[np.float64] | None]] = {}
         self._inbox: dict[str, dict[Tag, NDArray[np.float64]]] = {}
@@ -115,7 +117,7 @@ class FusingAgent(Agent):
 
     def _fresh(self, sample: int) -> Filter:
         """A filter that begins now: what was known at the first sample, run forward without any reading."""
-        prior = self._problem.prior
+        prior = self._start
         for _ in range(sample):
             prior = predict(prior, self._problem.step([{}], prior.mean))
         place = Place(self.context.name, self.context.swarm, self.parameters.rounds, self._own.average.law)
@@ -178,9 +180,7 @@ class FusingAgent(Agent):
         self.context.report(COVARIANCE, pack_symmetric(belief.covariance), self._sample)
 
     def _diverged(self, belief: Gaussian) -> bool:
-        prior = self._problem.prior
-        spread = np.sqrt(np.diag(prior.covariance).max())
-        return bool(np.abs(belief.mean - prior.mean).max() > _TOO_FAR * spread)
+        return bool(np.abs(belief.mean - self._start.mean).max() > self._bound)
 
     # -- the run as a whole ---------------------------------------------------------------------------------------
 
