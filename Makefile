@@ -7,10 +7,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 SETUP = $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test bench
+.PHONY: help demo test bench contest contest-small
 
 help:  ## say what there is to make
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
 # Stamps: the package is installed, and so is what its developers need. The second includes the first.
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -38,3 +38,11 @@ test: $(VENV)/.installed-dev  ## check style, types, import rules and spelling, 
 
 bench: $(VENV)/.installed-dev  ## run every benchmark and print its ratios
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+contest: $(VENV)/.installed-dev  ## run the contest of distributed filters, 20 seeds, and show it; it goes on where it was
+	$(BIN)/python docs/contest.py run --repeat 20
+	$(BIN)/python docs/contest.py show --out runs/contest
+
+contest-small: $(VENV)/.installed-dev  ## the same with 4 seeds
+	$(BIN)/python docs/contest.py run --repeat 4
+	$(BIN)/python docs/contest.py show --out runs/contest
