@@ -80,7 +80,7 @@ class PlanView:
             for agent in self.agents
         }
         self._deaths = dict(_deaths(record))
-        told = {link: sorted(_outcomes(mine)) for link, mine in stories(record).items() if link in self._plan.links}
+        told = {link: sorted(_outcomes(mine)) for link, mine in stories(record).items()}
         self.lately_ns = _lately(told.values())
         self._links = {link: _LinkHistory(LinkCourse(record, link), outcomes) for link, outcomes in told.items()}
 

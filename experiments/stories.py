@@ -96,14 +96,14 @@ class _Told:
 
 
 def stories(record: Record) -> dict[LinkName, list[Story]]:
-    """Every frame of every directed link, in the order of incarnation and sequence number."""
+    """Every frame of every directed link, in the order of incarnation and sequence number; wires have no stories."""
     told = _gather(record)
     court = _Court(record)
     found: dict[LinkName, list[Story]] = {link: [] for link in record.links()}
     for link, incarnation in sorted(told, key=lambda key: key[1]):
-        mine = told[link, incarnation]
-        frames = (court.story(link, incarnation, mine, number) for number in mine.numbers())
-        found.setdefault(link, []).extend(frames)
+        if link not in record.plan.wires:
+            mine = told[link, incarnation]
+            found[link] += (court.story(link, incarnation, mine, number) for number in mine.numbers())
     return found
 
 

@@ -11,10 +11,11 @@ import pytest
 
 from volery.agents.agent import Agent
 from volery.agents.coupled_world import couple
-from volery.agents.journal import MISSED
+from volery.agents.journal import MISSED, Late
 from volery.agents.plan import WORLD, Plan
 from volery.agents.sensing import Disturbances, measured
 from volery.errors import BadInput
+from volery.experiments.metrics import compute_metrics
 from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.verify import compare, replay
@@ -166,6 +167,16 @@ def test_samples_of_closed_loops_suffer_the_same_faults(loop: Callable[..., Plan
         expected = measured(plan, faults, "1", "gauge", index)
         assert (mine is None) == (expected is None), index
         np.testing.assert_array_equal(mine, expected)
+
+
+def test_a_late_command_counts_as_late_and_is_no_frame_of_a_link(loop: Callable[..., Plan], twin_run: Twin) -> None:
+    """By the wall clock wires may be late as links are: the verdict says so, and no table has a link to the world."""
+    record = twin_run(loop(duration_ms=200))
+    record.batches[WORLD, 0].late.append(Late("1", 0, 3, 68 * MS, 5 * MS))
+    metrics = compute_metrics(record)
+    assert (metrics.fidelity.late, metrics.fidelity.frames.max_ns) == (1, 5 * MS)
+    assert set(metrics.links) == {">".join(link) for link in record.links()}
+    assert all(link.account.late == 0 for link in metrics.links.values())
 
 
 def test_what_the_middleware_loses_on_a_wire_is_noticed(loop: Callable[..., Plan]) -> None:
