@@ -61,7 +61,10 @@ class Running(Protocol):
         """
 
     def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
-        """The sensor's index-th sample, taken now; None where it sees nothing."""
+        """The sensor's index-th sample, taken now, (k,), or (n, k) of which each row begins with what it is of.
+
+        None where it sees nothing. Faults leave the beginning of a row alone.
+        """
 
     def truth(self) -> Mapping[str, NDArray[np.float64]]:
         """Quantity → its true value now; "quantity@agent" where it is that of one agent."""

@@ -20,6 +20,11 @@ _STRIDE_OF_ROWS = 2**16
 """Between the draws for samples whose number of rows varies."""
 
 
+def numbers(sample: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What faults change of a sample: all of it, but of rows (n, k) not the first column, which says what each is of."""
+    return sample if sample.ndim == 1 else sample[:, 1:]
+
+
 def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
     """The sensor's index-th sample, None where it sees nothing.
 
@@ -95,18 +100,20 @@ class Disturbances:
 
 
 def _disturbed(seed: int, fault: SensorFault, value: NDArray[np.float64], index: int) -> NDArray[np.float64]:
-    size: NDArray[np.float64] = np.asarray(fault.size, dtype=np.float64)
-    if len(size) not in (1, value.shape[-1]):
+    disturbed = np.array(value, dtype=np.float64)
+    mine, size = numbers(disturbed), np.asarray(fault.size, dtype=np.float64)
+    if len(size) not in (1, mine.shape[-1]):
         raise BadInput(
-            f"fault {fault.id}: size has {len(size)} components, sensor {fault.agent}.{fault.sensor} {value.shape[-1]}"
+            f"fault {fault.id}: size has {len(size)} components, sensor {fault.agent}.{fault.sensor} {mine.shape[-1]}"
         )
     if fault.trouble == "bias":
-        return value + size
+        mine += size
+        return disturbed
     draws = stream(seed, f"sensor-{fault.trouble}", fault.id, fault.agent, fault.sensor)
     if fault.trouble == "noise":
-        stride = value.size if value.ndim == 1 else _STRIDE_OF_ROWS
-        normal = [draws.normal(index * stride + component) for component in range(value.size)]
-        disturbed: NDArray[np.float64] = value + size * np.array(normal).reshape(value.shape)
-        return disturbed
-    sign = 1.0 if draws.uniform(2 * index) < 0.5 else -1.0
-    return value + sign * size if draws.uniform(2 * index + 1) < fault.probability else value
+        stride = mine.size if mine.ndim == 1 else _STRIDE_OF_ROWS
+        normal = [draws.normal(index * stride + component) for component in range(mine.size)]
+        mine += size * np.array(normal).reshape(mine.shape)
+    elif draws.uniform(2 * index + 1) < fault.probability:
+        mine += size if draws.uniform(2 * index) < 0.5 else -size
+    return disturbed

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from ..agents.plan import Coupled
+from ..agents.sensing import numbers
 from ..errors import BadInput
 from ..topologies import ordered
 from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, SensorTrouble
@@ -143,7 +144,7 @@ def _sensor(entry: FaultEntry, places: Places) -> Iterator[Fault]:
 
 
 def _components(places: Places, agent: str, sensor: str) -> int | None:
-    """How many numbers a sample of a sensor, or a row of it, has by the first that sees something; None if none does.
+    """How many numbers of a sample, or of a row of it, faults change, by the first that sees something; None if none.
 
     Of a coupled world only the first sample of all is known beforehand.
     """
@@ -153,7 +154,7 @@ def _components(places: Places, agent: str, sensor: str) -> int | None:
         samples = iter([world.begin().measure(agent, sensor, 0)])
     else:
         samples = (world.measure(agent, sensor, index) for index in range(_LOOKED_AT))
-    return next((sample.shape[-1] for sample in samples if sample is not None), None)
+    return next((numbers(sample).shape[-1] for sample in samples if sample is not None), None)
 
 
 _DRAFTS: dict[str, Callable[[FaultEntry, Places], Iterator[Fault]]] = {

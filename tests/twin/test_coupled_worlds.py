@@ -169,6 +169,18 @@ def test_samples_of_closed_loops_suffer_the_same_faults(loop: Callable[..., Plan
         np.testing.assert_array_equal(mine, expected)
 
 
+def test_faults_leave_alone_what_a_row_is_of() -> None:
+    """Of samples with a row for each thing seen, whatever is wrong with the sensor, the first column stays."""
+    seen = np.array([[2.0, 0.5, 0.5], [7.0, 1.0, 1.0]])
+    for trouble, size in (("bias", (1.0,)), ("noise", (1.0, 2.0)), ("spikes", (3.0,))):
+        fault = SensorFault("f", 0, None, "1", "eye", trouble, size)  # type: ignore[arg-type]
+        mine = Disturbances(7).disturbed((fault,), "1", "eye", 0, 0, seen)
+        assert mine is not None
+        assert mine[:, 0].tolist() == [2.0, 7.0]
+        assert np.all(mine[:, 1:] != seen[:, 1:])
+        assert seen.tolist() == [[2.0, 0.5, 0.5], [7.0, 1.0, 1.0]]
+
+
 def test_a_late_command_counts_as_late_and_is_no_frame_of_a_link(loop: Callable[..., Plan], twin_run: Twin) -> None:
     """By the wall clock wires may be late as links are: the verdict says so, and no table has a link to the world."""
     record = twin_run(loop(duration_ms=200))
