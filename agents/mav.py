@@ -79,6 +79,7 @@ class Mav(Agent):
         self._seen_ns = self._met_ns = context.now_ns
         self._turned = 0.0
         self._holds = self._lost = False
+        self._out_of_reach = 0
 
     def start(self) -> None:
         """Set the timer of the radio."""
@@ -107,6 +108,8 @@ class Mav(Agent):
             self._frames.update(**read_imu(sample.value))
         elif sample.sensor == CAMERA and sample.time_ns >= self._filter.own.time_ns:
             self._see(sample)
+        elif sample.sensor == CAMERA:
+            self.context.note("frame from the past")
 
     def on_frame(self, frame: Received) -> None:
         """Keep a message for the next frame of the camera."""
@@ -144,7 +147,8 @@ class Mav(Agent):
         self._remember(now_ns, sights)
         seen = [] if attitude is None else sightings(self.parameters, self._me, sights, attitude)
         self._filter.update(seen)
-        self._hold_or_go_on(now_ns)
+        self._tell_out_of_reach()
+        self._hold_or_go_on(now_ns, lost=attitude is None)
         believed = _LEVEL if attitude is None else attitude
         thrust, yaw_rate = self._thrust(now_ns, believed), self._yaw_rate(sights, believed)
         self.context.command({"thrust": thrust, "yaw-rate": [yaw_rate]})
@@ -161,6 +165,13 @@ class Mav(Agent):
             self.context.note("left out" if other in silent else "taken in again", vehicle=self._names[other])
         self._gone = silent
         self._regroup(self._filter.own.model)
+
+    def _tell_out_of_reach(self) -> None:
+        """Messages too old, or stamped too far ahead, to be run to now."""
+        out_of_reach = self._filter.account.too_old + self._filter.account.ahead
+        if out_of_reach > self._out_of_reach:
+            self._out_of_reach = out_of_reach
+            self.context.note("messages out of reach")
 
     def _predict(self, now_ns: int) -> None:
         """Under the forces of the last step, in several where frames of the camera are missing."""
@@ -181,9 +192,9 @@ class Mav(Agent):
             self._lost = lost
             self.context.note("lost from sight" if lost else "in sight again", vehicle=self._names[self._tracked])
 
-    def _hold_or_go_on(self, now_ns: int) -> None:
-        """Blind and deaf for longer than its patience a vehicle holds: it exerts nothing but what carries it."""
-        holds = max(self._met_ns, self._seen_ns) < now_ns - self.parameters.patience
+    def _hold_or_go_on(self, now_ns: int, *, lost: bool) -> None:
+        """Blind and deaf for longer than its patience, or lost as to its attitude, a vehicle only carries its weight."""
+        holds = lost or max(self._met_ns, self._seen_ns) < now_ns - self.parameters.patience
         if holds != self._holds:
             self._holds = holds
             self.context.note("holds" if holds else "goes on")
@@ -225,17 +236,18 @@ class Mav(Agent):
     # -- the radio ----------------------------------------------------------------------------------------------------
 
     def on_timer(self, timer: Timer) -> None:
-        """Tell the neighbours what is known at the last frame of the camera, once the own attitude is."""
+        """Tell the neighbours what is known at the last frame of the camera; what was missed is not made up for."""
         if (message := self._message()) is not None:
             self.context.broadcast(encode(self._layout, message), stream="formation")
-        self._next_message(timer.time_ns - self._phase_ns + 1)
+        self._next_message(max(timer.time_ns, self.context.now_ns) - self._phase_ns + 1)
 
     def _message(self) -> Message | None:
+        """What to tell; None where the message bears an attitude that is not known."""
         if self._layout.kind == "full":
             return self._filter.full_message(self._me)
         now_ns = self._filter.own.time_ns
         attitude = self._frames.attitude(now_ns)
-        if attitude is None:
+        if attitude is None and self._layout.attitude:
             return None
         unseen_ns = max(0, now_ns - self._seen_ns)
         return self._filter.pair_message(self._me, self._tracked, unseen_ns=unseen_ns, attitude=attitude)

@@ -21,6 +21,8 @@ SETTLING_NS = 3_000_000_000
 """After a change of the reference the shape is not held against it for so long: the step takes 1.2 s to rise."""
 INDEPENDENT_NS = 1_000_000_000
 """Errors so far apart in time are taken as independent of each other."""
+HELD_NS = 1_000_000_000
+"""A vehicle that is dead commands nothing: by default its world lets go of its last command after so long."""
 _SECOND = 1e-9
 
 
@@ -62,7 +64,9 @@ def shape_errors(
     shapes = {name: parameters.places(name, vehicles) for name in parameters.references}
     wanted = np.stack([shapes[parameters.reference_at(int(time_ns))] for time_ns in positions.time_ns])
     apart = places - wanted
-    return np.asarray(np.linalg.norm(apart - np.nanmean(apart, axis=1, keepdims=True), axis=-1))
+    living = np.isfinite(apart).sum(axis=1, keepdims=True)
+    centre = np.nansum(apart, axis=1, keepdims=True) / np.maximum(living, 1)
+    return np.asarray(np.linalg.norm(apart - centre, axis=-1))
 
 
 def _shape(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> Iterator[Finding]:
@@ -70,9 +74,11 @@ def _shape(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> I
     if positions is None:
         return
     dead: dict[int, list[Kill]] = {}
-    for kill in _kills(run):
+    kills = _kills(run)
+    for kill in kills:
         dead.setdefault(names.index(kill.agent), []).append(kill)
-    changes = [0, *(leg.at for leg in parameters.script), *(kill.at_ns for kill in _kills(run))]
+    changes = [0, *(leg.at for leg in parameters.script), *(kill.at_ns for kill in kills)]
+    changes += (kill.until_ns for kill in kills if kill.until_ns is not None)
     settled = np.all([(positions.time_ns < at) | (positions.time_ns >= at + SETTLING_NS) for at in changes], axis=0)
     errors = shape_errors(parameters, positions, dead)[settled]
     if np.isfinite(errors).any():
@@ -121,7 +127,7 @@ def _spread(run: RunData) -> Iterator[Finding]:
 def pushed_centre(parameters: MavParameters, forces: Mapping[str, SeriesData]) -> tuple[NDArray[np.int64], Floats]:
     """Where the vehicles' forces alone would have moved the centre of gravity, which a common estimate leaves alone.
 
-    c̈ = Σ_i u_i / (N m), forces held from report to report.
+    c̈ = Σ_i u_i / (N m), forces held from report to report, but no longer than `HELD_NS`.
 
     Returns:
         Instants (T,) [ns] and displacements (T, 3) [m].
@@ -130,7 +136,8 @@ def pushed_centre(parameters: MavParameters, forces: Mapping[str, SeriesData]) -
     total = np.zeros((len(instants), 3))
     for mine in forces.values():
         rows = np.searchsorted(mine.time_ns, instants, side="right") - 1
-        total += np.where((rows >= 0)[:, np.newaxis], mine.value[rows], 0.0)
+        held = (rows >= 0) & (instants - mine.time_ns[rows] < HELD_NS)
+        total += np.where(held[:, np.newaxis], mine.value[rows], 0.0)
     steps = np.diff(instants, append=instants[-1])[:, np.newaxis] * _SECOND
     acceleration = total / (len(forces) * parameters.mass)
     gained = np.cumsum(acceleration * steps, axis=0)
@@ -160,7 +167,8 @@ def _distances(names: Sequence[str], run: RunData) -> Iterator[Finding]:
     when, pair = np.unravel_index(int(apart.argmin()), apart.shape)
     who = f"{names[first[pair]]} and {names[second[pair]]} at {positions.time_ns[when] * _SECOND:.2f} s"
     collisions = sum(note["what"] == "collision" for note in run.notes)
-    yield Finding("closest approach", float(apart[when, pair]), "m", f"{who}; {collisions or 'no'} collisions")
+    collided = f"{collisions or 'no'} collision{'' if collisions == 1 else 's'}"
+    yield Finding("closest approach", float(apart[when, pair]), "m", f"{who}; {collided}")
 
 
 # -- frames ---------------------------------------------------------------------------------------------------------
@@ -234,10 +242,10 @@ def _consistency(run: RunData) -> Iterator[Finding]:
 
 def _lost(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> Iterator[Finding]:
     """What could not be estimated any more once vehicles were dead."""
-    dead: set[int] = set()
-    for kill in _kills(run):
-        dead |= {names.index(kill.agent)}
-        left = observability(len(names), parameters.tracked(names, dead).items(), dead)
+    kills = _kills(run)
+    for kill in kills:
+        dead = {names.index(other.agent) for other in kills if other.in_force(kill.at_ns)}
+        left = observability(len(names), parameters.in_sight(names, dead), dead)
         relative = ", ".join(f"r{number + 1}" for number in left.lost)
         text = f"unobservable: {relative}; among those that are left {left.describe(names)}"
         yield Finding(f"without vehicle {kill.agent}", text=text)

@@ -164,13 +164,14 @@ class MavParameters:
     def tracked(self, names: tuple[str, ...], gone: Collection[int] = ()) -> dict[int, int]:
         """Vehicle → the one that it tracks, by their places among the names.
 
-        Whom a vehicle was told to track it tracks as long as that one is there; else they are assigned anew.
+        Whom a vehicle was told to track it tracks as long as that one is there; else they are assigned anew. Where no
+        assignment of those that are left is observable, each turns to the nearest.
 
         Args:
             names: of all vehicles.
             gone: those that are left out; they track nobody.
         Raises:
-            BadInput: somebody tracks nobody, a stranger or itself, or no assignment is observable.
+            BadInput: somebody tracks nobody, a stranger or itself, or no assignment of all is observable.
         """
         told = {} if self.tracks is None else self._told(names)
         living = [number for number in range(len(names)) if number not in gone]
@@ -180,8 +181,28 @@ class MavParameters:
             return {}
         places = self.places(self.reference_at(0), len(names))[living]
         hidden = occlusions(places, self.radius)
-        found = assignment(places, self.camera_range, hidden, [names[number] for number in living])
+        try:
+            found = assignment(places, self.camera_range, hidden, [names[number] for number in living])
+        except BadInput:
+            if not gone:
+                raise
+            distances = np.linalg.norm(places[:, np.newaxis] - places, axis=-1) + np.diag(np.full(len(living), np.inf))
+            found = tuple(distances.argmin(axis=1).tolist())
         return {number: living[seen] for number, seen in zip(living, found, strict=True)}
+
+    def in_sight(self, names: tuple[str, ...], gone: Collection[int] = ()) -> list[tuple[int, int]]:
+        """Those pairs of `tracked`, observer first, that see each other in the first reference; gone ones hide nobody.
+
+        Args and raises as of `tracked`.
+        """
+        places = self.places(self.reference_at(0), len(names))
+        living = [number for number in range(len(names)) if number not in gone]
+        hidden = {(living[i], living[j]) for i, j in occlusions(places[living], self.radius)}
+        return [
+            (i, j)
+            for i, j in self.tracked(names, gone).items()
+            if math.dist(places[i], places[j]) <= self.camera_range and (i, j) not in hidden
+        ]
 
     def _told(self, names: tuple[str, ...]) -> dict[int, int]:
         assert self.tracks is not None

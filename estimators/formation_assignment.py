@@ -36,6 +36,8 @@ class Observability:
 
     def describe(self, names: Sequence[str] | None = None) -> str:
         """In words, which vehicles are cut off from which."""
+        if not self.groups:
+            return "there is nobody"
         if self.complete:
             return "all relative positions are observable"
         labels = [" ".join(str(i) if names is None else names[i] for i in group) for group in self.groups]

@@ -108,6 +108,64 @@ def test_the_others_go_on_without_a_vehicle_that_died() -> None:
     assert abs(apart.mean() - 0.9) < 0.15
 
 
+def test_those_who_are_cut_off_by_a_death_go_on_and_the_report_says_so() -> None:
+    """On a line whose cameras reach to the next only, the death of the second cuts the first off: nothing ends."""
+    line = ["topology={complete: 4}", "agents.references={A: {line: 1.5 m}}", "agents.camera_range=2 m", NO_STEPS]
+    world = ["world.start={line: 1.5 m}", "world.camera={range: 2 m}"]
+    record = fly("mav3", *line, *world, "agents.silence=1 s", "duration=5 s", "faults=[{at: 1 s, kill: 2}]")
+    assert {note["vehicle"] for note in record.notes if note["what"] == "left out"} == {"2"}
+    assert all(record.estimates("formation")[name].time_ns[-1] > 4_900_000_000 for name in "134")
+    text = found(record)["without vehicle 2"].text
+    assert text.endswith("unobservable: r1, r2; among those that are left no measured pair joins vehicles 3 4 with 1")
+
+
+def test_who_has_come_back_is_not_counted_as_dead() -> None:
+    """Each death stands for itself; when all are dead there is nobody left to say anything of."""
+    record = fly("mav3", NO_STEPS, "duration=3 s", "faults=[{at: 1 s, for: 0.5 s, kill: 1}, {at: 2 s, kill: 3}]")
+    assert found(record)["without vehicle 3"].text.startswith("unobservable: r2;")
+    kills = "faults=[{at: 0.5 s, kill: 1}, {at: 0.6 s, kill: 2}, {at: 0.7 s, kill: 3}]"
+    findings = found(fly("mav3", NO_STEPS, "duration=5 s", kills))
+    assert findings["without vehicle 3"].text.endswith("there is nobody")
+    assert "formation error" not in findings
+
+
+def test_a_faulty_camera_harms_nobody_but_the_estimate() -> None:
+    """Places and orientations are wrong, and who is seen is not."""
+    faults = "[{at: 0.5 s, for: 1 s, sensor: 1.camera, noise: 1.0}, {at: 0.5 s, for: 1 s, sensor: 3.camera, bias: 1.0}]"
+    record = fly("mav3", NO_STEPS, f"faults={faults}", "duration=2 s")
+    assert all(mine.time_ns[-1] > 1_900_000_000 for mine in record.estimates("formation").values())
+    with pytest.raises(BadInput, match=r"8 numbers and a sample of 1\.camera has 7"):
+        load_scenario("mav3", [NO_STEPS, "faults=[{at: 1 s, sensor: 1.camera, bias: [0, 1, 0, 0, 0, 0, 0, 0]}]"])
+
+
+def test_without_an_attitude_a_vehicle_holds_and_says_so() -> None:
+    """Its inertial measurement unit has failed: forces in unknown axes are worse than none."""
+    record = fly("mav3", NO_STEPS, "faults=[{at: 1 s, for: 1 s, sensor: 1.imu, failed: true}]", "duration=3 s")
+    said = [(note["what"], note["time_ns"]) for note in record.notes if note["agent"] == "1"]
+    (_, holds), (_, goes_on) = (said[0][0], said[0][1]), (said[1][0], said[1][1])
+    assert [what for what, _ in said[:2]] == ["holds", "goes on"]
+    forces = record.estimates("force")["1"]
+    assert np.all(forces.value[(forces.time_ns >= holds) & (forces.time_ns < goes_on)] == 0.0)
+
+
+@pytest.mark.parametrize(
+    "fault", ["{at: 1 s, for: 1 s, pause: 1}", "{at: 1 s, for: 1 s, clock: 1, offset: 1 s}"], ids=["pause", "clock"]
+)
+def test_messages_that_were_missed_are_not_made_up_for(fault: str) -> None:
+    """After a pause, or a jump of the own clock, the radio goes on with its rate; one message may follow at once."""
+    record = fly("mav3", NO_STEPS, f"faults=[{fault}]", "duration=3 s")
+    starts = sorted(sent.start_ns for sent in record.batches["1", 0].sent if sent.target == "2")
+    assert 9 <= len(starts) <= 15
+    assert (np.diff(starts) < 0.1e9).sum() <= 1
+
+
+def test_a_clock_that_is_off_is_noticed() -> None:
+    """Messages from the future cannot be run back, and frames of the camera from the past not be filtered."""
+    record = fly("mav3", NO_STEPS, "faults=[{at: 1 s, for: 1 s, clock: 1, offset: 1.5 s}]", "duration=3 s")
+    said = {(note["what"], note["agent"]) for note in record.notes}
+    assert {("frame from the past", "1"), ("messages out of reach", "2"), ("messages out of reach", "3")} <= said
+
+
 def test_nobody_is_left_out_when_all_are_silent() -> None:
     """It is the radio then."""
     record = fly("mav3", NO_STEPS, BURST, "duration=9 s", "agents.silence=1 s")
