@@ -193,7 +193,7 @@ class Mav(Agent):
             self.context.note("lost from sight" if lost else "in sight again", vehicle=self._names[self._tracked])
 
     def _hold_or_go_on(self, now_ns: int, *, lost: bool) -> None:
-        """Blind and deaf for longer than its patience, or lost as to its attitude, a vehicle only carries its weight."""
+        """Blind and deaf for longer than its patience, or lost in its attitude, a vehicle only carries its weight."""
         holds = lost or max(self._met_ns, self._seen_ns) < now_ns - self.parameters.patience
         if holds != self._holds:
             self._holds = holds

@@ -21,7 +21,7 @@ _STRIDE_OF_ROWS = 2**16
 
 
 def numbers(sample: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What faults change of a sample: all of it, but of rows (n, k) not the first column, which says what each is of."""
+    """What faults change of a sample: all of it, but of rows (n, k) not the first column, that says what each is of."""
     return sample if sample.ndim == 1 else sample[:, 1:]
 
 
