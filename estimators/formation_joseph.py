@@ -99,6 +99,5 @@ class JosephBelief:
         return (covariance + covariance.T) / 2
 
     def inflate(self, factor: float) -> None:
-        """P⁺ = factor · P, made symmetric again: what rounding left of asymmetry would grow from message to message."""
-        matrix = self._held.whole
-        matrix[...] = (matrix + matrix.T) * (factor / 2)
+        """P⁺ = factor · P."""
+        self._held.whole *= factor
