@@ -22,6 +22,8 @@ from .plan import AgentPlan, Plan
 Floats = NDArray[np.float64]
 
 ATTITUDE, ALONE, OWN, MESSAGES = "attitude", "attitude-alone", "own-attitude", "messages"
+FATES = ("used", "too late", "ahead of the clock")
+"""What becomes of a message; one that is ahead is used too."""
 
 
 def units(plan: Plan) -> list[AgentPlan]:
@@ -67,7 +69,7 @@ def oracle(plan: Plan, index: int) -> Floats | None:
 
 
 def findings(plan: Plan, run: RunData) -> Sequence[Finding]:
-    """Root mean square of each unit's error, and the integral of the square of half of it, Betanzos 2024, (31)."""
+    """Each unit's root mean square error, the integral of the square of half of it, Betanzos 2024, (31); messages."""
     found = []
     for quantity in (ATTITUDE, ALONE):
         for name, series in run.estimates(quantity).items() if quantity in run.quantities() else ():
@@ -78,7 +80,19 @@ def findings(plan: Plan, run: RunData) -> Sequence[Finding]:
             ise = integrated_square_error(series.time_ns, 0.5 * angle)
             text = f"root mean square; the ISE of half of it is {ise:.4g} rad² s"
             found.append(Finding(f"attitude error of unit {name}, {where}", rms, "deg", text))
-    return found
+    return [*found, *_messages(run)]
+
+
+def _messages(run: RunData) -> Iterator[Finding]:
+    """What became of messages until each unit's last count of them; units that died began to count anew."""
+    if MESSAGES not in run.quantities():
+        return
+    total = np.zeros(len(FATES))
+    for series in run.estimates(MESSAGES).values():
+        more = np.diff(series.value, axis=0, prepend=0.0)
+        total += np.where((more < 0.0).any(axis=1, keepdims=True), series.value, more).sum(axis=0)
+    for fate, count in zip(FATES, total.tolist(), strict=True):
+        yield Finding(f"messages {fate}", count)
 
 
 def problems(plan: Plan) -> Sequence[str]:

@@ -61,7 +61,7 @@ class QuadrotorWorld:
     as_printed: sensors that follow the paper's equation to the letter: `accelerometer` (13), `range` (17).
 
     Raises:
-        BadInput: an unknown sensor, one that two agents have, a rate not above 0, noise below 0.
+        BadInput: no sensor at all, an unknown one, one that two agents have, a rate not above 0, noise below 0.
     """
 
     manoeuvre: Manoeuvre
@@ -76,6 +76,8 @@ class QuadrotorWorld:
     def __post_init__(self) -> None:
         """Check names and bounds."""
         carried = [sensor for sensors in self.carriers.values() for sensor in sensors]
+        if not carried:
+            raise BadInput(f"no sensor: give at least one agent one of {', '.join(DEVIATIONS)}")
         for sensor in (*carried, *self.rates):
             if sensor not in DEVIATIONS:
                 raise BadInput(f"sensor {sensor!r} is not known: a quadrotor has {', '.join(DEVIATIONS)}")

@@ -305,7 +305,19 @@ def test_findings_name_every_unit() -> None:
     error = samples(record, "attitude-alone").truth_error[:, 0]
     assert alone.value == pytest.approx(math.degrees(math.sqrt(float(np.mean(error**2)))))
     assert alone.text.endswith(f"is {np.trapezoid((error / 2) ** 2, dx=0.1):.4g} rad² s")
-    assert len(findings) == 4
+    assert len(findings) == 4 + 3
+
+
+def test_findings_count_the_messages_of_all_lives() -> None:
+    """What a unit had counted when it died is not forgotten, whose counts then begin anew."""
+    record = run(planned("duration=10 s", "faults=[{at: 6 s, for: 2 s, kill: 3}, {at: 2 s, clock: 1, offset: 500 ms}]"))
+    found = {one.name: one.value for one in compute_metrics(record).findings}
+    counts = {name: series.value for name, series in record.estimates("messages").items()}
+    dead = int(np.argmin(np.diff(counts["3"][:, 0]))) + 1
+    sums = counts["1"][-1] + counts["2"][-1] + counts["3"][dead - 1] + counts["3"][-1]
+    assert 0 < counts["3"][dead, 0] < counts["3"][dead - 1, 0]
+    assert [found[f"messages {fate}"] for fate in ("used", "too late", "ahead of the clock")] == sums.tolist()
+    assert (sums > 0).all()
 
 
 def test_without_trouble_nothing_is_said_of_it() -> None:

@@ -161,6 +161,7 @@ def test_a_scenario_says_who_carries_what() -> None:
     ("changes", "said"),
     [
         ({"sensors": {}}, "world: sensors: write at least one agent"),
+        ({"sensors": {"imu": []}}, "world: no sensor: give at least one agent one of gyroscope, acc"),
         ({"sensors": {"imu": ["gyroscpe"]}}, "did you mean gyroscope?"),
         ({"sensors": {"iMu": "flow"}}, "did you mean imu?"),
         ({"sensors": {"imu": "flow", "eye": "flow"}}, "sensor flow is there 2 times"),
