@@ -61,7 +61,8 @@ class Mav(Agent):
         self._names, self._me = names, names.index(context.name)
         self._gone: frozenset[int] = frozenset()
         self._others = tuple(number for number in range(len(names)) if number != self._me)
-        self._missed = dict.fromkeys(self._others, 0)
+        self._messages = 0
+        self._last = dict.fromkeys(self._others, 0)
         self._references = parameters.states(len(names))
         self._layout = parameters.messages.layout(len(names))
         model = parameters.model(len(names))
@@ -120,7 +121,8 @@ class Mav(Agent):
             self.context.note("damaged message", source=frame.source, reason=str(error))
             return
         self._met_ns = frame.time_ns
-        self._missed = {other: 0 if other == sender else missed + 1 for other, missed in self._missed.items()}
+        self._messages += 1
+        self._last[sender] = self._messages
         self._filter.receive(message)
         if sender == self._tracked:
             self._compare_frames(frame.source, message)
@@ -158,7 +160,7 @@ class Mav(Agent):
         """Who is silent while others speak is left out; when all are silent it is the radio, and nobody is."""
         several = len(self._others) - 1
         most = several * self.parameters.radio * self.parameters.silence * 1e-9
-        silent = frozenset(other for other, missed in self._missed.items() if several and missed > most)
+        silent = frozenset(other for other, last in self._last.items() if several and self._messages - last > most)
         if silent == self._gone:
             return
         for other in sorted(silent ^ self._gone):
@@ -218,7 +220,8 @@ class Mav(Agent):
         bearing = math.atan2(ahead[1], ahead[0])
         self._turned += bearing / self.parameters.rate
         self._turned = max(-1.0, min(1.0, self._turned))
-        return self.parameters.yaw_gain * bearing + self.parameters.yaw_integral * self._turned
+        wanted = self.parameters.yaw_gain * bearing + self.parameters.yaw_integral * self._turned
+        return max(-self.parameters.yaw_rate, min(self.parameters.yaw_rate, wanted))
 
     def _report(self, index: int, attitude: NDArray[np.float64] | None) -> None:
         if index % self._every(self.parameters.report) == 0:

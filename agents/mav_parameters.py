@@ -19,7 +19,17 @@ from ..estimators.formation_filter import LONGEST_STEP_NS, Form
 from ..estimators.formation_intersection import Weighting
 from ..estimators.formation_model import FormationModel
 from ..topologies.formations import formation
-from ..units import Bytes, Hertz, Kilograms, Metres, MetresPerSecondSquared, Nanoseconds, Radians, period_ns
+from ..units import (
+    Bytes,
+    Hertz,
+    Kilograms,
+    Metres,
+    MetresPerSecondSquared,
+    Nanoseconds,
+    Radians,
+    RadiansPerSecond,
+    period_ns,
+)
 from .mav_messages import Kind, Layout, Told
 from .payloads import Precision
 
@@ -117,6 +127,7 @@ class MavParameters:
     radius: Metres = 0.2
     yaw_gain: float = 3.0
     yaw_integral: float = 0.5
+    yaw_rate: RadiansPerSecond = 2.0
     patience: Nanoseconds = 1_000_000_000
     silence: Nanoseconds = 3_000_000_000
     report: Hertz = 30.0
@@ -127,6 +138,8 @@ class MavParameters:
         for name in ("rate", "radio", "report"):
             if not 0 < getattr(self, name) < math.inf:
                 raise BadInput(f"{name} is {getattr(self, name):g} Hz, it must be above 0")
+        if not 0 < self.yaw_rate < math.inf:
+            raise BadInput(f"yaw_rate is {self.yaw_rate:g} rad/s, it must be above 0")
         if not 0 <= self.report_covariance < math.inf:
             raise BadInput(f"report_covariance is {self.report_covariance:g} Hz, it must be at least 0")
         if period_ns(self.rate, 1) > LONGEST_STEP_NS:

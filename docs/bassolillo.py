@@ -3,23 +3,21 @@
 Usage: python docs/bassolillo.py fig2|fig3|fig4|altitude|sign|ranges|bounds|bias|links|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - a user of the package
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from page_figures import draw_asked
 
 from volery.agents.mhe import DISTURBANCE, Mhe
 from volery.estimators.quadrotor_model import RANGES, QuadrotorModel
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, STYLE, VERMILION
+from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
 from volery.experiments.record import Collector, Record
 from volery.experiments.scenario import compile_plan, load_scenario
 from volery.experiments.twin import Twin
@@ -239,20 +237,5 @@ DRAWN: dict[str, Callable[[Figure], Iterator[str]]] = {
 }
 
 
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of Bassolillo 2025, drawn from volery's twin.")
-    parser.add_argument("which", choices=[*DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images", help="folder of the pictures")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*(f"{name}: {line}" for line in draw(figure)), sep="\n", flush=True)
-                figure.savefig(asked.out / f"bassolillo-{name}.png")
-
-
 if __name__ == "__main__":
-    main()
+    draw_asked("bassolillo", "Figures of Bassolillo 2025, drawn from volery's twin.", DRAWN)

@@ -3,21 +3,19 @@
 Usage: python docs/bavle.py fig3|fig4|fig5|tuning|loss|lossy|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - a user of the package
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from page_figures import draw_asked
 
 from volery.agents.altitude_network import measured
 from volery.agents.altitude_parameters import AltitudeEkfParameters
@@ -26,7 +24,7 @@ from volery.estimators.altitude_components import Ground
 from volery.estimators.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
 from volery.estimators.replay import Stamped
 from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
+from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from volery.experiments.record import Collector, Record
 from volery.experiments.scenario import compile_plan, load_scenario
 from volery.experiments.twin import Twin
@@ -351,20 +349,5 @@ Draw = Callable[[Figure], Iterator[str]]
 DRAWN: dict[str, Draw] = {"fig3": fig3, "fig4": fig4, "fig5": fig5, "tuning": tuning, "loss": loss, "lossy": lossy}
 
 
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of Bavle 2017, drawn from volery's twin.")
-    parser.add_argument("which", choices=[*DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images", help="folder of the pictures")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*(f"{name}: {line}" for line in draw(figure)), sep="\n")
-                figure.savefig(asked.out / f"bavle-{name}.png")
-
-
 if __name__ == "__main__":
-    main()
+    draw_asked("bavle", "Figures of Bavle 2017, drawn from volery's twin.", DRAWN)

@@ -3,29 +3,27 @@
 Usage: python docs/betanzos.py algebra|fig4|fig5|fig6|gain|loss|trust|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - a user of the package
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import networkx as nx
 import numpy as np
 from kriegleder import planned, simulate
-from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from page_figures import draw_asked
 
 from volery import topologies
 from volery.agents.plan import Plan
 from volery.estimators import collective_matrices, largest_step, learned_quaternion, observation_matrix
 from volery.estimators.metrics import attitude_difference
 from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, STYLE, VERMILION
+from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from volery.experiments.record import Record
 from volery.experiments.samples import Samples, samples
 from volery.randomness import stream
@@ -327,22 +325,5 @@ Draw = Callable[[Figure], Iterator[str]]
 DRAWN: dict[str, Draw] = {"fig4": fig4, "fig5": fig5, "fig6": fig6, "gain": gain, "loss": loss, "trust": trust}
 
 
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of Betanzos 2024, drawn from volery's twin.")
-    parser.add_argument("which", choices=["algebra", *DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images", help="folder of the pictures")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    if asked.which in ("algebra", "all"):
-        print(*(f"algebra: {line}" for line in algebra()), sep="\n")
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*(f"{name}: {line}" for line in draw(figure)), sep="\n")
-                figure.savefig(asked.out / f"betanzos-{name}.png")
-
-
 if __name__ == "__main__":
-    main()
+    draw_asked("betanzos", "Figures of Betanzos 2024, drawn from volery's twin.", DRAWN, {"algebra": algebra})

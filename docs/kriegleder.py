@@ -3,28 +3,26 @@
 Usage: python docs/kriegleder.py fig4|fig5|fig7|fig8|fig9|async|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - a user of the package
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import networkx as nx
 import numpy as np
-from matplotlib import style
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import RegularPolygon
 from numpy.typing import NDArray
+from page_figures import draw_asked
 
 from volery.agents.plan import Plan
 from volery.estimators import covariance, noncollinear
 from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
+from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from volery.experiments.record import Collector, Record
 from volery.experiments.samples import samples
 from volery.experiments.scenario import compile_plan, load_scenario
@@ -379,20 +377,5 @@ Draw = Callable[[Figure], Iterator[str]]
 DRAWN: dict[str, Draw] = {"fig4": fig4, "fig5": fig5, "fig7": fig7, "fig8": fig8, "fig9": fig9, "async": asynchronous}
 
 
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of Kriegleder 2012, drawn from volery's twin.")
-    parser.add_argument("which", choices=[*DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images", help="folder of the pictures")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*(f"{name}: {line}" for line in draw(figure)), sep="\n")
-                figure.savefig(asked.out / f"kriegleder-{name}.png")
-
-
 if __name__ == "__main__":
-    main()
+    draw_asked("kriegleder", "Figures of Kriegleder 2012, drawn from volery's twin.", DRAWN)

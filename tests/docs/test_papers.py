@@ -1,0 +1,59 @@
+"""Pages about papers: their commands, their numbers and their pictures."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from .conftest import DOCS, blocks, typed
+
+
+class Page(NamedTuple):
+    """`told`: what its script prints without a figure. `quick`: what is drawn, or told, in a moment."""
+
+    figures: tuple[str, ...]
+    quick: tuple[str, ...]
+    told: tuple[str, ...] = ()
+    largest_bytes: int = 250_000
+
+
+PAGES = {
+    "kriegleder": Page(("fig4", "fig5", "fig7", "fig8", "fig9", "async"), ("fig4", "fig7", "fig8")),
+    "naegeli": Page(
+        ("fig6", "fig7", "burst", "delay", "loss", "nees", "death"), ("algebra", "death"), ("algebra",), 310_000
+    ),
+    "bavle": Page(("fig3", "fig4", "fig5", "tuning", "loss", "lossy"), ("lossy",)),
+    "betanzos": Page(("fig4", "fig5", "fig6", "gain", "loss", "trust"), ("algebra", "fig4"), ("algebra",)),
+    "bassolillo": Page(("fig2", "fig3", "fig4", "altitude", "sign", "ranges", "bounds", "bias", "links"), ("bounds",)),
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_figure_has_its_command_and_picture(name: str) -> None:
+    """One command a figure, in order, whose lines begin with its name; every picture is small and shown."""
+    page = PAGES[name]
+    asked = (*page.told, *page.figures)
+    assert typed(f"{name}.md") == [f".venv/bin/python docs/{name}.py {which}" for which in asked]
+    text = (DOCS / f"{name}.md").read_text("utf-8")
+    for which, block in zip(asked, blocks(f"{name}.md", "console"), strict=True):
+        assert all(line.startswith(f"{which}: ") for line in block.splitlines()[1:])
+    for figure in page.figures:
+        picture = f"images/{name}-{figure}.png"
+        assert f"]({picture})" in text
+        assert 0 < (DOCS / picture).stat().st_size < page.largest_bytes
+
+
+@pytest.mark.parametrize(("name", "which"), [(name, which) for name, page in PAGES.items() for which in page.quick])
+def test_the_page_quotes_what_the_script_prints(name: str, which: str, tmp_path: Path) -> None:
+    """The numbers of what is drawn or told in a moment stand in the page as they are printed."""
+    words = [sys.executable, str(DOCS / f"{name}.py"), which, "--out", str(tmp_path)]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    command = f"$ .venv/bin/python docs/{name}.py {which}\n"
+    quoted = next(block for block in blocks(f"{name}.md", "console") if block.startswith(command))
+    assert printed == quoted.removeprefix(command)
+    drawn = {f"{name}-{which}.png"} if which in PAGES[name].figures else set()
+    assert {path.name for path in tmp_path.iterdir()} == drawn
