@@ -24,7 +24,7 @@ from volery.experiments.sweep_plan import Job, plan_sweep
 from volery.experiments.sweep_pools import Done
 from volery.experiments.sweep_results import Sweep
 from volery.experiments.sweep_run import run_job
-from volery.experiments.sweep_tables import span
+from volery.experiments.sweep_tables import half_width
 
 ERROR = "estimate.oracle_error.steady_rms"
 DELIVERED = "links.delivered_fraction"
@@ -51,7 +51,7 @@ def laws(out: Path) -> Iterator[str]:
         where = contest.where
         best = contest.standings[0]
         beaten = [contest.standings[other].label for other in best.better_than]
-        told = f"{best.label} {best.interval.mean:.2g} ({span(best.interval)})"
+        told = f"{best.label} {best.interval.mean:.2g} ± {half_width(best.interval)}"
         said = f"better than {' and '.join(beaten)}" if beaten else "better than none"
         yield f"loss {where['links.loss.bernoulli']}, {where['agents.rounds']} rounds: {told}, {said}"
 

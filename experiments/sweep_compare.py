@@ -37,6 +37,7 @@ class Standing:
 
     `behind`: mean difference to the best on common seeds, relative to the best's mean on them; `p` of that paired test,
     corrected. Both NaN for the best itself. `better_than`: places, from 0, of those that it beats significantly.
+    `of_halves`: its places, from 0, in two disjoint halves of the seeds; equal to each other where the order is stable.
     """
 
     label: str
@@ -45,6 +46,7 @@ class Standing:
     behind: float
     p: float
     better_than: tuple[int, ...]
+    of_halves: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -137,13 +139,8 @@ def default_by(sweeps: Sequence[Sweep]) -> tuple[str, ...]:
 
 def _contest(where: Mapping[str, str], those: Mapping[str, Entry], confidence: float, rather_large: bool) -> Contest:
     intervals = {label: mean_interval(list(entry.values.values()), confidence) for label, entry in those.items()}
-    sign = -1.0 if rather_large else 1.0
-
-    def order(label: str) -> tuple[bool, float]:
-        mean = intervals[label].mean
-        return math.isnan(mean), sign * mean
-
-    ranked = sorted(those, key=order)
+    seeds = sorted({seed for entry in those.values() for seed in entry.values})
+    ranked, *of_halves = (_ranked(those, some, rather_large) for some in (seeds, seeds[::2], seeds[1::2]))
     pairs = list(combinations(range(len(ranked)), 2))
     tests = [paired_test(those[ranked[i]].values, those[ranked[j]].values) for i, j in pairs]
     ps = dict(zip(pairs, holm([test.p for test in tests]), strict=True))
@@ -160,10 +157,22 @@ def _contest(where: Mapping[str, str], those: Mapping[str, Entry], confidence: f
             _behind(those[ranked[0]].values, those[label].values) if place else math.nan,
             ps.get((0, place), math.nan),
             tuple(sorted(beaten[place])),
+            (of_halves[0].index(label), of_halves[1].index(label)),
         )
         for place, label in enumerate(ranked)
     ]
     return Contest(where, tuple(standings))
+
+
+def _ranked(those: Mapping[str, Entry], seeds: Sequence[int], rather_large: bool) -> list[str]:
+    """The contestants by their mean over some seeds, the best first, those without a value last."""
+
+    def order(label: str) -> tuple[bool, float]:
+        values = [those[label].values[seed] for seed in seeds if seed in those[label].values]
+        mean = math.fsum(values) / len(values) if values else math.nan
+        return math.isnan(mean), -mean if rather_large else mean
+
+    return sorted(those, key=order)
 
 
 def _behind(best: Mapping[int, float], other: Mapping[int, float]) -> float:

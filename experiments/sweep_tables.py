@@ -24,7 +24,7 @@ def contest_table(title: str, contests: Sequence[Contest], confidence: float) ->
         "#",
         "contestant",
         "mean",
-        f"{100 * confidence:g} % interval",
+        f"± {100 * confidence:g} %",
         "seeds",
         "to the first",
         "better than",
@@ -37,7 +37,7 @@ def contest_table(title: str, contests: Sequence[Contest], confidence: float) ->
             table.add_row(*where, *_cells(place, standing), end_section=place == len(contest.standings) - 1)
     table.caption = (
         f"Intervals: Student's t over the seeds. Better: p < {SIGNIFICANCE:g} in Wilcoxon's signed-rank test on common "
-        "seeds, Holm-corrected over all pairs of a setting."
+        "seeds, Holm-corrected over all pairs of a setting. In brackets: places in two halves of the seeds that differ."
     )
     return table
 
@@ -50,12 +50,13 @@ def short_names(keys: Sequence[str]) -> list[str]:
 
 def _cells(place: int, standing: Standing) -> Iterator[str]:
     one = standing.interval
-    yield str(place + 1)
+    first, second = standing.of_halves
+    yield f"{place + 1}" if first == second else f"{place + 1} ({first + 1},{second + 1})"
     yield standing.label
     yield number(one.mean)
-    yield span(one)
+    yield half_width(one)
     yield str(one.count) if one.count == standing.runs else f"{one.count} of {standing.runs}"
-    behind = "" if math.isnan(standing.behind) else f"{100 * standing.behind:+.3g} %, "
+    behind = "" if math.isnan(standing.behind) else f"{percent(standing.behind)}, "
     yield "" if place == 0 else _NOTHING if math.isnan(standing.p) else f"{behind}p {standing.p:.2g}"
     yield ", ".join(_ranges([other + 1 for other in standing.better_than]))
 
@@ -65,9 +66,14 @@ def number(value: float) -> str:
     return _NOTHING if math.isnan(value) else f"{value:.4g}"
 
 
-def span(one: Interval) -> str:
-    """An interval."""
-    return _NOTHING if math.isnan(one.low) else f"{one.low:.3g} … {one.high:.3g}"
+def percent(part: float) -> str:
+    """A relative difference, with two digits where it is small."""
+    return f"{100 * part:+,.0f} %" if abs(part) >= 0.1 else f"{100 * part:+.2g} %"
+
+
+def half_width(one: Interval) -> str:
+    """How far an interval reaches to either side of its mean."""
+    return _NOTHING if math.isnan(one.low) else f"{(one.high - one.low) / 2:.2g}"
 
 
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:
@@ -94,15 +100,19 @@ def notes(sweeps: Sequence[Sweep]) -> Iterator[str]:
 
 def too_few_seeds(contests: Sequence[Contest]) -> Iterator[str]:
     """What to say where no difference, however clear, could be significant."""
-    for contest in contests:
-        count = len(contest.standings)
-        needed, most = (
-            seeds_needed(count * (count - 1) // 2),
-            max(standing.interval.count for standing in contest.standings),
-        )
-        if most < needed:
-            yield f"too few seeds to tell: {count} contestants need at least {needed} each before any can be better"
-            return
+    few = [needed for contest in contests if (needed := _needed(contest)) > _most(contest)]
+    if few:
+        where = "" if len(few) == len(contests) else f" in {len(few)} of {len(contests)} settings"
+        yield f"too few seeds to tell{where}: it takes {max(few)} or more for each before any can be better"
+
+
+def _needed(contest: Contest) -> int:
+    count = len(contest.standings)
+    return seeds_needed(count * (count - 1) // 2)
+
+
+def _most(contest: Contest) -> int:
+    return max(standing.interval.count for standing in contest.standings)
 
 
 def to_plain(contests: Sequence[Contest]) -> list[dict[str, Any]]:
@@ -117,6 +127,7 @@ def to_plain(contests: Sequence[Contest]) -> list[dict[str, Any]]:
                     "runs": standing.runs,
                     "behind": _defined(standing.behind),
                     "p": _defined(standing.p),
+                    "places_of_halves": [place + 1 for place in standing.of_halves],
                     "better_than": [contest.standings[other].label for other in standing.better_than],
                 }
                 for standing in contest.standings

@@ -71,6 +71,18 @@ def test_a_rare_disaster_does_not_hide_who_is_usually_better() -> None:
     assert [one.better_than for one in contest.standings] == [(), (0,)]
 
 
+def test_an_order_that_halves_of_the_seeds_do_not_agree_on_is_shown() -> None:
+    """Even seeds favour a, odd ones b; c is third in both."""
+    turns = {seed: 1.0 + (seed % 2) for seed in SEEDS}
+    others = {seed: 2.1 - (seed % 2) for seed in SEEDS}
+    (contest,) = contests([entry("a", turns), entry("b", others), entry("c", level(9))], ["filter"])
+    assert [(one.label, one.of_halves) for one in contest.standings] == [("a", (0, 1)), ("b", (1, 0)), ("c", (2, 2))]
+    places = list(contest_table("title", [contest], 0.95).columns[1].cells)
+    assert places == ["1 (1,2)", "2 (2,1)", "3"]
+    (said,) = to_plain([contest])
+    assert [one["places_of_halves"] for one in said["standings"]] == [[1, 2], [2, 1], [3, 3]]
+
+
 def test_settings_are_apart() -> None:
     """Who competes agrees on all other axes; on request the values of another axis compete, or of two."""
     found = [entry(name, level(height + loss), str(loss)) for loss in (0, 1) for name, height in (("a", 1), ("b", 5))]
@@ -136,15 +148,15 @@ def test_the_table_says_what_its_reader_must_know() -> None:
     one = sweep("runs/one", repeat=4)
     few = replace(one, rows=one.rows[:-1])
     held = contests(entries([few], ERROR), ("agents.filter",))
-    assert list(too_few_seeds(held)) == [
-        "too few seeds to tell: 2 contestants need at least 6 each before any can be better"
-    ]
-    assert list(too_few_seeds(contests(entries([sweep("x")], ERROR), ("agents.filter",)))) == []
+    assert list(too_few_seeds(held)) == ["too few seeds to tell: it takes 6 or more for each before any can be better"]
+    enough = contests(entries([sweep("x")], ERROR), ("agents.filter",))
+    assert list(too_few_seeds(enough)) == []
+    assert next(too_few_seeds([*enough, held[0]])).startswith("too few seeds to tell in 1 of 3 settings")
     told = list(notes([few]))
     assert told[0] == "runs/one: 15 of 16 runs are finished"
     assert "links.paired" in told[1]
     table = contest_table("title", held, 0.9)
-    assert [column.header for column in table.columns][:5] == ["loss", "#", "contestant", "mean", "90 % interval"]
+    assert [column.header for column in table.columns][:5] == ["loss", "#", "contestant", "mean", "± 90 %"]
     partly = contests([Entry({"a": "1"}, {1: 2.0, 2: 4.0}, 5), Entry({"a": "2"}, {}, 5)], ["a"])
     cells = [list(column.cells) for column in contest_table("title", partly, 0.95).columns]
     assert cells[4] == ["2 of 5", "0 of 5"]
