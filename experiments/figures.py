@@ -51,7 +51,8 @@ STYLE: dict[str, Any] = {
 }
 _NAMED_AGENTS = 24
 _AGE_SPANS = 300
-_LEVELS, _LEVEL, _CLOSE = 2, 0.1, 0.25
+_LEVELS, _LEVEL_PT, _LETTER_IN, _PANEL_SHARE = 4, 7, 0.043, 0.75
+"""Names of faults: levels above each other, their distance, width of a letter of 6 pt, and a panel's of its figure."""
 
 
 def plot(
@@ -266,19 +267,24 @@ def _any_agent(reference: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _shade(record: Record, axes: Axes, *, named: bool) -> None:
-    """The spans of the faults in grey, their names above the panel, on a second level where they stand close."""
+    """The spans of the faults in grey, their names above the panel on as many levels as keep them apart.
+
+    Where there is no room on the highest level either, a name is left out; the tables have them all.
+    """
     last_s = record.last_ns / NANOSECONDS
-    level, before_s = 0, -last_s
+    letter_s = _LETTER_IN / (_PANEL_SHARE * axes.figure.bbox.width / axes.figure.dpi) * last_s
+    free_from_s = [-last_s] * _LEVELS
     for fault in record.faults_that_held:
         from_s = fault.at_ns / NANOSECONDS
         until_s = last_s if fault.until_ns is None else fault.until_ns / NANOSECONDS
         axes.axvspan(from_s, min(until_s, last_s), color=GREY, alpha=0.6, linewidth=0, zorder=0)
-        level = (level + 1) % _LEVELS if from_s - before_s < _CLOSE * last_s else 0
-        before_s = from_s
-        if named:
-            place = axes.get_xaxis_transform()
-            label = fault_label(fault, len(record.plan.links))
-            axes.text(from_s, 1.02 + _LEVEL * level, label, transform=place, fontsize=6, color=DARK_GREY)
+        label = fault_label(fault, len(record.plan.links))
+        left_s = max(0.0, min(from_s, last_s - letter_s * len(label)))
+        level = next((level for level, free_s in enumerate(free_from_s) if free_s <= left_s), None)
+        if named and level is not None:
+            free_from_s[level] = left_s + letter_s * (len(label) + 1)
+            place, above = ("data", "axes fraction"), (0, 2 + _LEVEL_PT * level)
+            axes.annotate(label, (left_s, 1.0), above, place, "offset points", fontsize=6, color=DARK_GREY)
 
 
 def _legend(figure: Figure | SubFigure, lines: Mapping[str, Artist]) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import duckdb
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from volery.agents.journal import Batch, Estimate
@@ -65,6 +67,21 @@ def test_estimates_show_agents_oracle_and_truth(record: Record) -> None:
     assert set(lines[3]) == {2000.0}
     assert set(lines[4]) == {3000.0}
     assert [text.get_text() for text in altitude.texts] == ["cut 1–2"]
+
+
+def test_names_of_faults_stand_apart_and_within_the_panel(plan_of: Make, twin_run: Callable[[Plan], Record]) -> None:
+    """None of many cuts is named over another or past the end; those that find no room on four levels are left out."""
+    cuts = [LinkFault(f"t{k}", k * 40 * MS, None, (("1", "2"), ("2", "1")), {"cut": True}) for k in range(24)]
+    record = twin_run(plan_of([("1", "2"), ("2", "3")], 1000, faults=tuple(cuts)))
+    figure = Figure(figsize=(2.0, 2.0))
+    figures.draw_disagreement(record, samples(record, "estimate"), figure)
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+    (axes,) = figure.axes
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert 12 <= len(boxes) < 24
+    assert len({round(box.y0) for box in boxes}) == 4
+    assert all(not one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert max(box.x1 for box in boxes) <= axes.bbox.x1
 
 
 def test_disagreement_shades_the_faults(record: Record) -> None:
