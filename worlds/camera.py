@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream
-from .attitudes import conjugates, exponentials, products
+from ..rotation_columns import conjugates, exponentials, products
 
 Floats = NDArray[np.float64]
 DRAWS = 8

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
+from ..rotation_columns import turned_back
 from ..rotations import rotate
 from ..units import period_ns
 from . import camera
 from .air import Swirl, Weather
-from .attitudes import turned_back
 from .contacts import Contacts
 from .imu import Units
 from .vehicles import Orders, State, accelerations, at_rest, step

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from .attitudes import exponentials, matrices, products, turned_back
+from ..rotation_columns import exponentials, matrices, products, turned_back
 
 Floats = NDArray[np.float64]
 GRAVITY = 9.81

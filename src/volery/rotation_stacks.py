@@ -1,7 +1,8 @@
 """Rotations of `rotations` for n at once, for estimators that work on all points of a window: the same convention.
 
 Arrays are float64 with the rotation along the first axis: quaternions (n, 4), vectors (n, 3), matrices (n, 3, 3). What
-is meant, and the equations, stand in `rotations` under the singular of each name.
+is meant, and the equations, stand in `rotations` under the singular of each name. `rotation_columns` has them along the
+last axis, for worlds of few bodies.
 """
 
 from __future__ import annotations

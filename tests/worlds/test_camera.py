@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.randomness import Stream, stream
+from volery.rotation_columns import matrices
 from volery.rotations import conjugate, euler_to_quaternion, log_quaternion, quaternion_product, to_matrix
-from volery.worlds.attitudes import matrices
 from volery.worlds.camera import Camera, View, frames
 from volery.worlds.camera import view as view_of
 

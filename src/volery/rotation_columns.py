@@ -1,4 +1,4 @@
-"""Attitudes of many vehicles at once: the quaternions of `rotations`, a column each, and their matrices.
+"""Rotations of `rotations` for many bodies at once, a column each: the same convention; `rotation_stacks` has rows.
 
 Shapes: quaternions (4, …), matrices (3, 3, …), vectors (3, …), with the same further axes. A few calls on whole arrays
 do all of it: for few vehicles the number of calls is what costs.
