@@ -67,7 +67,10 @@ def judge(record: Record, accounts: Sequence[LinkAccount], channels: Mapping[str
         accounts: of its links.
         channels: link, as "3>7", → what was asked of it and what was got.
     """
-    behind = [late.behind_ns for batch in record.batches.values() for late in batch.late]
+    late = [(one.source, agent, one.behind_ns) for (agent, _), batch in record.batches.items() for one in batch.late]
+    behind = [behind_ns for _, _, behind_ns in late]
+    wired = sum((source, target) in record.plan.wires for source, target, _ in late)
+    on_wires = f" ({wired} of them between agents and their world)" if wired else ""
     frames = Lateness(*np.quantile(behind, (0.5, 0.99, 1.0)).tolist()) if behind else Lateness()
     missing, contradicted = sum(one.missing for one in accounts), sum(one.contradicted for one in accounts)
     died = tuple(sorted({agent for agent, _ in record.broken_off}, key=natural_key))
@@ -75,7 +78,7 @@ def judge(record: Record, accounts: Sequence[LinkAccount], channels: Mapping[str
     outside = tuple(_outside(channels))
     flaws = [
         (record.end_ns is None, "the run was broken off"),
-        (bool(behind), f"{len(behind)} late frames, by {frames.max_ns / 1e6:.1f} ms at most"),
+        (bool(behind), f"{len(behind)} late frames{on_wires}, by {frames.max_ns / 1e6:.1f} ms at most"),
         (missing > 0, f"{missing} frames lost by the middleware"),
         (contradicted > 0, f"{contradicted} frames with contradicting accounts"),
         (late_faults > 0, f"{late_faults} faults that reached an agent late"),

@@ -34,6 +34,7 @@ FIGURES = ("estimates", "disagreement", "links", "age", "overview")
 _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
+_PANELS, _OVERVIEW_PANELS = 12, 6
 SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
 GREY, DARK_GREY = "#D9D9D9", "#444444"
 STYLE: dict[str, Any] = {
@@ -157,7 +158,7 @@ def _draw(name: str, subject: _Subject, figure: Figure) -> None:
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
         draw_ages(record, age_courses(record, subject.frames), figure)
     elif name == "estimates":
-        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * subject.seen.estimate.shape[2])
+        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, subject.seen.estimate.shape[2]))
         draw_estimates(record, subject.seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
@@ -166,14 +167,15 @@ def _draw(name: str, subject: _Subject, figure: Figure) -> None:
         figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
         left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
         upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
-        draw_estimates(record, subject.seen, left)
+        draw_estimates(record, subject.seen, left, _OVERVIEW_PANELS)
         draw_disagreement(record, subject.seen, upper)
         draw_links(record, subject.accounts, lower)
 
 
-def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure) -> None:
-    """Every agent's estimate, the truth and the oracle over time, one panel for each component."""
-    labels = component_labels(record, seen.quantity, seen.estimate.shape[2])
+def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS) -> None:
+    """Every agent's estimate, the truth and the oracle over time, one panel for each of the first components."""
+    count = seen.estimate.shape[2]
+    labels = component_labels(record, seen.quantity, count)[:most]
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     time_s = seen.time_ns / NANOSECONDS
     truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)
@@ -187,7 +189,7 @@ def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure) ->
         axes.set_ylabel(f"{name} ({unit})" if unit else name)
         _shade(record, axes, named=number == 0)
     _legend(figure, lines)
-    panels[-1].set_xlabel("time (s)")
+    panels[-1].set_xlabel("time (s)" if count <= most else f"time (s); {most} of {count} components")
     panels[-1].set_xlim(0, record.last_ns / NANOSECONDS)
     figure.align_ylabels(panels)
 

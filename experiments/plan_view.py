@@ -211,8 +211,9 @@ def _deaths(record: Record) -> Iterator[tuple[Life, int]]:
     """When each life that was ended ended [ns], from outside or by a fault."""
     for agent in record.plan.agents:
         yield from (((agent.name, life), kill.at_ns) for life, kill in enumerate(record.as_run.kills(agent.name)))
+    names = {agent.name for agent in record.plan.agents}
     for event in record.events:
-        if event["event"] == "died":
+        if event["event"] == "died" and event["agent"] in names:
             yield (event["agent"], event["incarnation"]), event["time_ns"]
 
 

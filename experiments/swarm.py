@@ -344,7 +344,7 @@ class Swarm:
     async def _end_from_outside(self, name: str, incarnation: int, cause: str) -> None:
         self.gone.add((name, incarnation))
         self.restarts.forget(name)
-        if cause.startswith("ended"):
+        if cause.startswith("ended") or name in {one.name for one in self.plan.beside}:
             self._problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self._over.set()

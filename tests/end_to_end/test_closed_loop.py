@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 
 from volery.agents.plan import WORLD, Plan
 from volery.experiments.accounting import account
+from volery.experiments.live import Injector
+from volery.experiments.swarm import Swarm
 from volery.experiments.verify import compare, replay
 
-from .conftest import run_swarm
+from .conftest import run_swarm, until
 
 
 def test_a_formation_in_lockstep_equals_its_twin(plan_of: Callable[..., Plan]) -> None:
@@ -21,3 +25,15 @@ def test_a_formation_in_lockstep_equals_its_twin(plan_of: Callable[..., Plan]) -
     assert len(record.estimates("formation")["1"].time_ns) > 70
     assert [departure.what for departure in compare(record, replay(record), 0.0)] == []
     assert all(link.closes for link in account(record).values())
+
+
+def test_a_run_whose_world_was_killed_has_failed(plan_of: Callable[..., Plan]) -> None:
+    """Nobody senses anything from then on: the run ends, and is none that went well."""
+
+    async def kill(swarm: Swarm, _: Injector) -> None:
+        await until(lambda: swarm.status.time_ns > 100_000_000)
+        os.kill(swarm.pids()[WORLD], signal.SIGKILL)
+
+    record, ending = run_swarm(plan_of("mav3", "duration=40 s"), meanwhile=kill)
+    assert ending.problems == ("agent world was killed from outside",)
+    assert record.end_ns == 40_000_000_000

@@ -165,6 +165,13 @@ def test_places_in_a_coupled_world_are_those_that_it_wrote_down(placed: Record) 
         assert near(view.picture(ms * MS).true["2"], (5.0, 5.0))
 
 
+def test_a_world_that_died_is_no_agent_that_is_down(placed: Record) -> None:
+    """It has no place in the picture."""
+    died = {"event": "died", "agent": WORLD, "incarnation": 0, "time_ns": 300 * MS, "cause": "was killed from outside"}
+    view = PlanView(replace(placed, events=(*placed.events, died)))
+    assert view.picture(500 * MS).down == frozenset()
+
+
 def test_agents_without_places_are_not_to_be_seen(record_of: Make) -> None:
     """The message says what would have some."""
     with pytest.raises(BadInput, match=r"no places, .* a topology with positions, or a world in which agents move"):

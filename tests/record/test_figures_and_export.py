@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,19 @@ def test_names_of_faults_stand_apart_and_within_the_panel(plan_of: Make, twin_ru
     assert len({round(box.y0) for box in boxes}) == 4
     assert all(not one.overlaps(other) for one, other in combinations(boxes, 2))
     assert max(box.x1 for box in boxes) <= axes.bbox.x1
+
+
+def test_of_many_components_the_first_are_drawn_and_their_number_is_said(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of a formation of thirty would be a figure as long as a house."""
+    seen = samples(record, "estimate")
+    wide = replace(seen, **{name: np.tile(getattr(seen, name), 10) for name in ("estimate", "oracle", "truth")})
+    monkeypatch.setattr(figures, "component_labels", lambda _record, _quantity, count: [("x", "", 1.0)] * count)
+    figure = Figure()
+    figures.draw_estimates(record, wide, figure)
+    assert len(figure.axes) == 12
+    assert figure.axes[-1].get_xlabel() == "time (s); 12 of 20 components"
 
 
 def test_disagreement_shades_the_faults(record: Record) -> None:

@@ -187,6 +187,7 @@ def test_a_late_command_counts_as_late_and_is_no_frame_of_a_link(loop: Callable[
     record.batches[WORLD, 0].late.append(Late("1", 0, 3, 68 * MS, 5 * MS))
     metrics = compute_metrics(record)
     assert (metrics.fidelity.late, metrics.fidelity.frames.max_ns) == (1, 5 * MS)
+    assert "1 late frames (1 of them between agents and their world)" in metrics.fidelity.verdict
     assert set(metrics.links) == {">".join(link) for link in record.links()}
     assert all(link.account.late == 0 for link in metrics.links.values())
 
