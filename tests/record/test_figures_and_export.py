@@ -90,7 +90,9 @@ def test_of_many_components_the_first_are_drawn_and_their_number_is_said(
 ) -> None:
     """Those of a formation of thirty would be a figure as long as a house."""
     seen = samples(record, "estimate")
-    wide = replace(seen, **{name: np.tile(getattr(seen, name), 10) for name in ("estimate", "oracle", "truth")})
+    wide = replace(
+        seen, estimate=np.tile(seen.estimate, 10), oracle=np.tile(seen.oracle, 10), truth=np.tile(seen.truth, 10)
+    )
     monkeypatch.setattr(figures, "component_labels", lambda _record, _quantity, count: [("x", "", 1.0)] * count)
     figure = Figure()
     figures.draw_estimates(record, wide, figure)
