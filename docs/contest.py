@@ -3,6 +3,7 @@
 Usage: python docs/contest.py run [--repeat 20] [--runs runs]      run it, or go on with it; write the CSV
        python docs/contest.py show [--out docs/images]             print the table and the findings, draw the figures
        python docs/contest.py zenoh                                part of it again over Zenoh, beside the CSV
+       python docs/contest.py own my_filter:MyFilter [--repeat 2]  a filter of your own, beside those in the CSV
 """
 
 # ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import csv
 import math
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +20,7 @@ from typing import Any
 
 import volery
 from volery import topologies
+from volery.errors import BadInput
 from volery.experiments.sweep_results import Sweep
 
 HERE = Path(__file__).parent
@@ -152,6 +155,27 @@ def read() -> list[Result]:
     ]
 
 
+def own(kind: str, repeat: int, runs: str, workers: int | None) -> Iterator[str]:
+    """A filter of one's own everywhere with the seeds of the others, and its place among the contenders.
+
+    Raises:
+        BadInput: no such filter, or more seeds than were kept of the others.
+    """
+    import contest_report
+
+    seeds = range(SCENARIO["seed"], SCENARIO["seed"] + repeat)
+    kept = [one for one in read() if one.seed in seeds]
+    if {one.seed for one in kept} != set(seeds):
+        raise BadInput(
+            f"--repeat {repeat}: {TABLE.name} has no such seeds of the others: run the contest with them first"
+        )
+    done = volery.sweep(SCENARIO, axes({kind: kind}), repeat=repeat, runs=runs, workers=workers)
+    everything = contest_report.Results([*kept, *results(done)])
+    for condition in CONDITIONS:
+        rank = everything.ranks(condition, also=kind)[kind]
+        yield f"{condition}: {contest_report.cell(everything, kind, condition)}, place {rank} of {len(FILTERS)}"
+
+
 def again_over_zenoh() -> Iterator[str]:
     """Some runs as ten processes over Zenoh in lockstep pace, beside those of the twin in the table."""
     contenders = {name: FILTERS[name] for name in ("hybrid by contributions", "event-triggered")}
@@ -172,7 +196,8 @@ def again_over_zenoh() -> Iterator[str]:
 def main() -> None:
     """Do what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("part", choices=("run", "show", "zenoh"))
+    parser.add_argument("part", choices=("run", "show", "zenoh", "own"))
+    parser.add_argument("filter", nargs="?")
     parser.add_argument("--repeat", type=int, default=20)
     parser.add_argument("--runs", default="runs")
     parser.add_argument("--workers", type=int)
@@ -180,6 +205,9 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.part == "run":
         write(list(results(run(asked.repeat, asked.runs, asked.workers))))
+    elif asked.part == "own":
+        sys.path.insert(0, str(Path.cwd()))
+        print(*own(asked.filter or "", asked.repeat, asked.runs, asked.workers), sep="\n")
     elif asked.part == "zenoh":
         print(*again_over_zenoh(), sep="\n")
     else:

@@ -66,7 +66,8 @@ def _map(figure: Figure, values: np.ndarray, text: list[list[str]], norm: Any, c
         if place:
             axes.axvline(place * len(CONDITIONS) - 0.5, color="white", linewidth=2)
     for row, column in np.ndindex(*values.shape):
-        axes.text(column, row, text[row][column], ha="center", va="center", fontsize=4.2, color=BLACK)
+        colour = WHITE if norm(values[row, column]) > 0.85 else BLACK
+        axes.text(column, row, text[row][column], ha="center", va="center", fontsize=4.2, color=colour)
     ticks = [1, 2, 3, 5, 10] if norm.vmax == CAP else [0, 0.5, 1, 2, 3, 4]
     bar = figure.colorbar(image, ax=axes, label=label, pad=0.01)
     bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
@@ -101,7 +102,7 @@ def against_loss(figure: Figure, results: Results) -> None:
             spans = [interval(results.of(who, condition, graph)) for condition in LOSSES]
             axes.fill_between(LOSSES.values(), *zip(*spans, strict=True), color=colour, alpha=0.15, linewidth=0)
             axes.plot(LOSSES.values(), middle, dash, color=colour, marker="o", markersize=2, label=who)
-        axes.set(title=graph, xlabel="loss", yscale="log", xticks=list(LOSSES.values()))
+        axes.set(title=graph, xlabel="loss", yscale="log", ylim=(0.9, 8), xticks=list(LOSSES.values()))
         axes.set_yticks([1, 1.5, 2, 3, 5], ["1", "1.5", "2", "3", "5"], minor=False)
         axes.set_yticks([], minor=True)
     panels[0].set_ylabel("error over the centralised one")

@@ -16,7 +16,18 @@ from volery.estimators.filters import FILTERS, choose_filter
 from volery.estimators.gaussian import Gaussian, information
 from volery.topologies import agents, complete, geometric, ring, star
 
-from .tracking import NOISE_M, PRIOR, STEP, anees, bernoulli, one_way, overconfidence, path, track, truth
+from .tracking import (
+    NOISE_M,
+    PRIOR,
+    STEP,
+    anees,
+    bernoulli,
+    one_way,
+    overconfidence,
+    path,
+    track,
+    truth,
+)
 
 EXACT_AVERAGE = ["consensus-on-measurements", "hybrid", "hybrid-contributions", "information-weighted"]
 """Filters that are the centralised one where the average is exact."""
@@ -247,3 +258,14 @@ def test_the_noises_of_a_path_are_drawn_in_a_fixed_number() -> None:
     drawn = iter(range(10**6))
     path(("1", "2", "3"), 5, (float(number) for number in drawn))
     assert next(drawn) == 4 * 5 + 2 * 5
+
+
+def test_the_kalman_consensus_filter_of_2007_diverges_where_its_gain_is_not_small() -> None:
+    """On a ring whose neighbourhoods do not all see both coordinates: ten times the default is kilometres off."""
+    graph, states = ring(10), truth(tuple(agents(ring(10))), 1, 60).states
+    errors = {}
+    for gain in (1e-4, 1e-3):
+        found = track("kalman-consensus-2007", graph, rounds=1, samples=60, gain=gain)
+        errors[gain] = max(float(np.abs(beliefs[-1].mean - states[-1])[:2].max()) for beliefs in found.values())
+    assert errors[1e-4] < 10.0
+    assert errors[1e-3] > 1000.0
