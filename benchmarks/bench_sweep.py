@@ -5,8 +5,8 @@ from __future__ import annotations
 from measuring import in_turn, median_ratio, medians, table, verdict
 from sweeps import CELLS
 
-REPEAT = 12
-REPETITIONS = 3
+REPEAT = 6
+REPETITIONS = 5
 BOUND = 1.7
 
 
