@@ -43,6 +43,6 @@ contest: $(VENV)/.installed-dev  ## run the contest of distributed filters, 20 s
 	$(BIN)/python docs/contest.py run --repeat 20
 	$(BIN)/python docs/contest.py show --out runs/contest
 
-contest-small: $(VENV)/.installed-dev  ## the same with 3 seeds
-	$(BIN)/python docs/contest.py run --repeat 3
+contest-small: $(VENV)/.installed-dev  ## the same with 6 seeds
+	$(BIN)/python docs/contest.py run --repeat 6
 	$(BIN)/python docs/contest.py show --out runs/contest
