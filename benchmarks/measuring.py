@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,8 @@ _SAMPLE_TIMEOUT_S = 120
 def fresh(function: str, **arguments: Any) -> Any:
     """What `module:function` of this folder returns, called in an interpreter of its own.
 
-    Nothing of one sample, a warm fork server above all, is left over for the next.
+    Nothing of one sample, a warm fork server above all, is left over for the next. It computes on one BLAS thread, as
+    agents' processes and the twin do.
 
     Raises:
         RuntimeError: the sample failed; the message is what it said.
@@ -27,6 +29,7 @@ def fresh(function: str, **arguments: Any) -> Any:
     done = subprocess.run(
         [sys.executable, "-c", code, json.dumps(arguments)],
         cwd=HERE,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         timeout=_SAMPLE_TIMEOUT_S,
