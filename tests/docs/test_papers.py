@@ -1,4 +1,4 @@
-"""Pages about papers: their commands, their numbers and their pictures."""
+"""Pages about papers, and what belongs to them: their commands, their numbers and their pictures."""
 
 from __future__ import annotations
 
@@ -30,6 +30,34 @@ PAGES = {
     "betanzos": Page(("fig4", "fig5", "fig6", "gain", "loss", "trust"), ("algebra", "fig4"), ("algebra",)),
     "bassolillo": Page(("fig2", "fig3", "fig4", "altitude", "sign", "ranges", "bounds", "bias", "links"), ("bounds",)),
 }
+
+
+class OnePicture(NamedTuple):
+    """A page with one picture, whose script is as quick as to be run whole."""
+
+    script: str
+    parts: tuple[str, ...]
+    picture: str
+    largest_bytes: int
+
+
+ONE_PICTURE = {
+    "formation-world": OnePicture("formation_world", ("motion", "view", "passage"), "formation-world.png", 160_000),
+    "so3": OnePicture("so3", ("bounds", "noise", "anchor"), "so3-consensus.png", 120_000),
+}
+
+
+@pytest.mark.parametrize("name", ONE_PICTURE)
+def test_a_page_with_one_picture_quotes_what_its_script_prints(name: str, tmp_path: Path) -> None:
+    """Each part has its command, and its numbers as they are printed; the picture is small and shown."""
+    page = ONE_PICTURE[name]
+    assert typed(f"{name}.md") == [f".venv/bin/python docs/{page.script}.py {part}" for part in page.parts]
+    words = [sys.executable, str(DOCS / f"{page.script}.py"), "all", "--out", str(tmp_path)]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert printed == "".join(block.partition("\n")[2] for block in blocks(f"{name}.md", "console"))
+    assert (tmp_path / page.picture).stat().st_size > 0
+    assert f"](images/{page.picture})" in (DOCS / f"{name}.md").read_text("utf-8")
+    assert 0 < (DOCS / "images" / page.picture).stat().st_size < page.largest_bytes
 
 
 @pytest.mark.parametrize("name", PAGES)

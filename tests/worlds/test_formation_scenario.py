@@ -18,6 +18,53 @@ from volery.worlds.vehicles import Vehicle
 AGENTS = ("1", "2", "3")
 MS, SECOND = 1_000_000, 1_000_000_000
 
+FULL: dict[str, Any] = {
+    "start": {"line": "1 m", "turned": "90 deg"},
+    "altitude": "2 m",
+    "facing": "30 deg",
+    "vehicle": {
+        "mass": "500 g",
+        "radius": "25 cm",
+        "inertia": ["0.002 kg m²", "0.003 kg m2", "0.004 kg m²"],
+        "attitude_response": "100 ms",
+        "rate_response": "20 ms",
+        "drag": "0.2 /s",
+        "thrust_to_weight": 1.5,
+        "tilt": "30 deg",
+        "command_timeout": "0.5 s",
+    },
+    "camera": {
+        "rate": "15 Hz",
+        "horizontal": "60 deg",
+        "vertical": "40 deg",
+        "range": "3 m",
+        "depth_noise": "1 cm",
+        "lateral_noise": "5 mm",
+        "orientation_noise": "2 deg",
+        "misses": 0.1,
+        "occlusion": False,
+    },
+    "imu": {
+        "rate": "60 Hz",
+        "gyro_noise": "1 deg/s",
+        "accelerometer_noise": "0.2 m/s²",
+        "magnetometer_noise": 0.02,
+        "gyro_bias": "0.5 deg/s",
+        "accelerometer_bias": "0.1 m/s²",
+        "magnetometer_bias": 0.03,
+        "miscalibration": "2 deg",
+        "inclination": "70 deg",
+    },
+    "turbulence": {"acceleration": "0.3 m/s²", "correlation": "200 ms", "vertical": 0.5},
+    "gusts": [{"start": "2 s", "duration": "500 ms", "acceleration": ["1 m/s²", 0, 0]}],
+    "ground": True,
+    "sense_delay": "2 ms",
+    "act_delay": "3 ms",
+    "steps": "100 Hz",
+    "truth_rate": "10 Hz",
+}
+"""Everything that a scenario may write."""
+
 
 def built(agents: tuple[str, ...] = AGENTS, **spec: Any) -> FormationWorld:
     """The world of a mapping, in a line unless it says otherwise."""
@@ -34,51 +81,7 @@ def test_defaults() -> None:
 
 def test_a_full_mapping_becomes_the_world_that_it_says() -> None:
     """Quantities arrive in metres, seconds, radians and nanoseconds."""
-    found = built(
-        start={"line": "1 m", "turned": "90 deg"},
-        altitude="2 m",
-        facing="30 deg",
-        vehicle={
-            "mass": "500 g",
-            "radius": "25 cm",
-            "inertia": ["0.002 kg m²", "0.003 kg m2", "0.004 kg m²"],
-            "attitude_response": "100 ms",
-            "rate_response": "20 ms",
-            "drag": "0.2 /s",
-            "thrust_to_weight": 1.5,
-            "tilt": "30 deg",
-            "command_timeout": "0.5 s",
-        },
-        camera={
-            "rate": "15 Hz",
-            "horizontal": "60 deg",
-            "vertical": "40 deg",
-            "range": "3 m",
-            "depth_noise": "1 cm",
-            "lateral_noise": "5 mm",
-            "orientation_noise": "2 deg",
-            "misses": 0.1,
-            "occlusion": False,
-        },
-        imu={
-            "rate": "60 Hz",
-            "gyro_noise": "1 deg/s",
-            "accelerometer_noise": "0.2 m/s²",
-            "magnetometer_noise": 0.02,
-            "gyro_bias": "0.5 deg/s",
-            "accelerometer_bias": "0.1 m/s²",
-            "magnetometer_bias": 0.03,
-            "miscalibration": "2 deg",
-            "inclination": "70 deg",
-        },
-        turbulence={"acceleration": "0.3 m/s²", "correlation": "200 ms", "vertical": 0.5},
-        gusts=[{"start": "2 s", "duration": "500 ms", "acceleration": ["1 m/s²", 0, 0]}],
-        ground=True,
-        sense_delay="2 ms",
-        act_delay="3 ms",
-        steps="100 Hz",
-        truth_rate="10 Hz",
-    )
+    found = built(**FULL)
     degree = math.pi / 180
     assert [place[1] for place in found.places] == pytest.approx([-1.0, 0.0, 1.0])
     expected = FormationWorld(
