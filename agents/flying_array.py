@@ -41,8 +41,7 @@ def problems(plan: Plan) -> Sequence[str]:
     positions = [agent.position for agent in plan.agents if agent.position is not None]
     if plan.world is None:
         return ["dfa-module needs a world to look at: add `world: {kind: plane, …}`"]
-    first = plan.agents[0]
-    if any((agent.kind, agent.parameters) != (first.kind, first.parameters) for agent in plan.agents):
+    if not plan.is_uniform:
         return ["the modules of a flying array are all alike: remove `only` from agents"]
     if len(positions) < len(plan.agents):
         return ["dfa-module needs positions: use a topology that has them, such as hexagonal or cells"]

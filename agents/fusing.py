@@ -229,11 +229,10 @@ class FusingAgent(Agent):
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """Agents that differ, a world that is none of this kind's, a graph that changes under weights that do not."""
-        first = plan.agents[0]
-        if any((agent.kind, agent.parameters) != (first.kind, first.parameters) for agent in plan.agents):
+        if not plan.is_uniform:
             return ["agents with a distributed filter are all alike: remove `only` from agents"]
         found = list(cls.unfit(plan))
-        averaging = first.parameters.chosen().averaging
+        averaging = plan.agents[0].parameters.chosen().averaging
         if plan.presence and averaging not in LOCAL:
             found.append(f"{averaging} weights are worked out for one graph, and this one changes: use metropolis")
         if not found:

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from ..estimators.formation_consensus import ConsensusFilter
 from ..estimators.formation_control import control, regulator
-from ..estimators.formation_filter import LONGEST_STEP_NS, FormationFilter
+from ..estimators.formation_filter import steps_to
 from ..estimators.formation_messages import Message
-from ..estimators.formation_model import FormationModel
 from ..estimators.frame_consensus import FrameConsensus
 from ..rotations import conjugate, quaternion_product, rotate
 from ..units import first_period, period_ns
@@ -37,8 +36,6 @@ SIGHTS_KEPT_NS = 1_000_000_000
 STAMP_NS = 1_000_000
 """Stamps are rounded to less than this."""
 FORMATION, FORCE, ATTITUDE, COVARIANCE = "formation", "force", "attitude", "covariance"
-_INITIAL_SPREAD = (0.3, 0.3)
-"""Standard deviations of the first estimate, in metres and metres per second."""
 _RADIO = "radio"
 _LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -65,17 +62,14 @@ class Mav(Agent):
         self._last = dict.fromkeys(self._others, 0)
         self._references = parameters.states(len(names))
         self._layout = parameters.messages.layout(len(names))
-        model = parameters.model(len(names))
         self._forces = np.zeros((len(names), 3))
-        reference = self._references[parameters.reference_at(context.now_ns)]
-        form = parameters.filtering.form
-        own = FormationFilter(model, reference, _INITIAL_SPREAD, time_ns=context.now_ns, form=form)
+        own = parameters.filter(len(names), context.now_ns)
         self._filter = ConsensusFilter(own, parameters.filtering.settings())
         frames = parameters.frames
         anchor = frames.anchor if frames.consensus else 0.0
         on_ground = frames.upright if context.now_ns == 0 else None
         self._frames = FrameConsensus(context.name, {}, frames.step, frame_model(), anchor=anchor, upright=on_ground)
-        self._regroup(model)
+        self._regroup()
         self._sights: deque[tuple[int, Mapping[int, Sight]]] = deque()
         self._seen_ns = self._met_ns = context.now_ns
         self._turned = 0.0
@@ -93,10 +87,10 @@ class Mav(Agent):
         index = first_period(self.parameters.radio, from_ns)
         self.context.set_timer(self._phase_ns + period_ns(self.parameters.radio, index), _RADIO, index)
 
-    def _regroup(self, model: FormationModel) -> None:
+    def _regroup(self) -> None:
         """Whom to track, and the gain, with those who are left."""
         self._tracked = self.parameters.tracked(self._names, self._gone).get(self._me, self._me)
-        self._gain = regulator(model, self.parameters.weights, self._gone)
+        self._gain = regulator(self._filter.own.model, self.parameters.weights, self._gone)
         if self.parameters.frames.consensus and self._tracked != self._me:
             self._frames.weigh({self._names[self._tracked]: 1.0})
 
@@ -166,7 +160,7 @@ class Mav(Agent):
         for other in sorted(silent ^ self._gone):
             self.context.note("left out" if other in silent else "taken in again", vehicle=self._names[other])
         self._gone = silent
-        self._regroup(self._filter.own.model)
+        self._regroup()
 
     def _tell_out_of_reach(self) -> None:
         """Messages too old, or stamped too far ahead, to be run to now."""
@@ -177,9 +171,8 @@ class Mav(Agent):
 
     def _predict(self, now_ns: int) -> None:
         """Under the forces of the last step, in several where frames of the camera are missing."""
-        own = self._filter.own
-        while own.time_ns < now_ns:
-            self._filter.predict(min(now_ns, own.time_ns + LONGEST_STEP_NS), self._forces)
+        for instant_ns in steps_to(self._filter.own.time_ns, now_ns):
+            self._filter.predict(instant_ns, self._forces)
 
     def _remember(self, now_ns: int, sights: Mapping[int, Sight]) -> None:
         self._sights.append((now_ns, sights))
@@ -280,11 +273,6 @@ class Mav(Agent):
     def broadcasts(cls, parameters: Any) -> bool:
         """To all neighbours at once."""
         return True
-
-    @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """None: the number of components is that of the vehicles."""
-        return ()
 
     @classmethod
     def libraries(cls, parameters: Any) -> Sequence[str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimators.formation_filter import LONGEST_STEP_NS, FormationFilter, Observation
+from ..estimators.formation_filter import Observation, steps_to
 from ..estimators.frame_consensus import FrameConsensus
 from ..rotations import rotate
 from .agent import Sample
@@ -27,8 +27,7 @@ class CentralisedFormation:
         self._parameters = first
         self._names = tuple(agent.name for agent in plan.agents)
         count = len(self._names)
-        reference = first.states(count)[first.reference_at(0)]
-        self._filter = FormationFilter(first.model(count), reference, (0.3, 0.3), form=first.filtering.form)
+        self._filter = first.filter(count)
         frames = first.frames
         self._frames = {
             name: FrameConsensus(name, {}, frames.step, frame_model(), upright=frames.upright) for name in self._names
@@ -64,8 +63,8 @@ class CentralisedFormation:
         if time_ns <= self._now_ns:
             return
         self._take_in()
-        while self._filter.time_ns < time_ns:
-            self._filter.predict(min(time_ns, self._filter.time_ns + LONGEST_STEP_NS), self._forces)
+        for instant_ns in steps_to(self._filter.time_ns, time_ns):
+            self._filter.predict(instant_ns, self._forces)
         self._now_ns = time_ns
 
     def _take_in(self) -> None:

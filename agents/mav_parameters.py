@@ -15,7 +15,7 @@ from ..errors import BadInput
 from ..estimators.formation_assignment import assignment, occlusions
 from ..estimators.formation_consensus import ConsensusSettings, Delay, Fusion
 from ..estimators.formation_control import Weights
-from ..estimators.formation_filter import LONGEST_STEP_NS, Form
+from ..estimators.formation_filter import LONGEST_STEP_NS, Form, FormationFilter
 from ..estimators.formation_intersection import Weighting
 from ..estimators.formation_model import FormationModel
 from ..topologies.formations import formation
@@ -34,6 +34,8 @@ from .mav_messages import Kind, Layout, Told
 from .payloads import Precision
 
 _DEGREE = math.pi / 180
+_INITIAL_SPREAD = (0.3, 0.3)
+"""Standard deviations of the first estimate, in metres and metres per second."""
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,12 @@ class MavParameters:
                 seen = told.get(name, "nobody")
                 raise BadInput(f"tracks: vehicle {name} tracks {seen}: name another vehicle of {', '.join(names)}")
         return {number: names.index(told[name]) for number, name in enumerate(names)}
+
+    def filter(self, vehicles: int, time_ns: int = 0) -> FormationFilter:
+        """The filter of a formation that is near the reference of an instant, at rest."""
+        reference = self.states(vehicles)[self.reference_at(time_ns)]
+        form = self.filtering.form
+        return FormationFilter(self.model(vehicles), reference, _INITIAL_SPREAD, time_ns=time_ns, form=form)
 
     def model(self, vehicles: int) -> FormationModel:
         """Dynamics and noise of so many vehicles over one step of the camera."""

@@ -14,15 +14,14 @@ from .plan import Plan
 
 def problems(plan: Plan) -> Sequence[str]:
     """Of a plan whose agents are vehicles."""
-    first = plan.agents[0]
-    if any((agent.kind, agent.parameters) != (first.kind, first.parameters) for agent in plan.agents):
+    if not plan.is_uniform:
         return ["the vehicles of a formation are all alike: remove `only` from agents"]
     world = plan.coupled
     if world is None:
         return ["mav needs a world that it can fly in: add `world: {kind: formation}`"]
-    parameters: MavParameters = first.parameters
+    parameters: MavParameters = plan.agents[0].parameters
     names = tuple(agent.name for agent in plan.agents)
-    sensors = world.sensors(first.name)
+    sensors = world.sensors(names[0])
     if CAMERA not in sensors or IMU not in sensors:
         return [f"mav needs a camera and an imu, and this world has {', '.join(sensors) or 'no sensors'}"]
     checks = (_rates(parameters, sensors[CAMERA]), _delays(plan, parameters))

@@ -147,6 +147,12 @@ class Plan:
         """The agents, and who runs beside them: each has a process of its own."""
         return self.agents + self.beside
 
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all agents are of one kind, with the same parameters."""
+        first = self.agents[0]
+        return all((agent.kind, agent.parameters) == (first.kind, first.parameters) for agent in self.agents)
+
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name, or who runs beside the agents under it."""
         return next(agent for agent in self.everybody if agent.name == name)

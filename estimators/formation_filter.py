@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -23,6 +23,13 @@ LONGEST_STEP_NS = 250_000_000
 
 
 _ALIKE = np.eye(3)
+
+
+def steps_to(from_ns: int, to_ns: int) -> Iterator[int]:
+    """The ends [ns] of steps, none over the longest, from an instant to a later one; nothing to an earlier one."""
+    yield from range(from_ns + LONGEST_STEP_NS, to_ns, LONGEST_STEP_NS)
+    if to_ns > from_ns:
+        yield to_ns
 
 
 @dataclass(frozen=True, slots=True)
