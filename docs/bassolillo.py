@@ -18,9 +18,9 @@ from page_figures import draw_asked
 from volery.agents.mhe import DISTURBANCE, Mhe
 from volery.estimators.quadrotor_model import RANGES, QuadrotorModel
 from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 
 Floats = NDArray[np.float64]
 
@@ -53,9 +53,7 @@ class Course:
 def simulate(scenario: str, *changes: str) -> Record:
     """The record of a built-in scenario with changes, run in the twin."""
     plan = compile_plan(load_scenario(scenario, changes))
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def course(record: Record, quantity: str) -> Course:

@@ -25,9 +25,9 @@ from volery.estimators.modular_filter import GroundJumps, ModularFilter, Variant
 from volery.estimators.replay import Stamped
 from volery.experiments.fault_labels import fault_label
 from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
 from volery.units import period_ns
 from volery.worlds import AltitudeWorld
@@ -98,9 +98,7 @@ def planned(scenario: str, *changes: str) -> Plan:
 def fly(scenario: str, *changes: str) -> Flown:
     """Such a scenario, run in the twin."""
     plan = planned(scenario, *changes)
-    collector = Collector()
-    Twin(plan, collector).run()
-    record = collector.record(plan)
+    record = recorded(plan)
     said = record.estimates("altitude")["hub"]
     truth = np.array([world_of(plan).truth(time_ns) for time_ns in said.time_ns.tolist()])
     return Flown(record, said.time_ns / NANOSECONDS, said.value, truth)

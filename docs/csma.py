@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from volery.experiments.figures import BLACK, BLUE, COLUMN_IN, GREEN, SKY, STYLE, VERMILION
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.csma import Csma
 
 Floats = NDArray[np.float64]
@@ -117,9 +117,7 @@ def saturated_model(count: int, access: Csma) -> Saturated:
 def simulate(*fields: str) -> Record:
     """The record of beacons with other fields, run in the twin."""
     plan = compile_plan(load_scenario("beacons", (f"duration={SECONDS} s", "overload=true", *fields)))
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def measured(access: str, topology: str, load: float) -> tuple[float, float, float]:

@@ -23,10 +23,10 @@ from volery.agents.plan import Plan
 from volery.estimators import covariance, noncollinear
 from volery.experiments.fault_labels import fault_label
 from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
 from volery.worlds import Infrared, PlaneWorld
@@ -50,9 +50,7 @@ def planned(scenario: str, *changes: str) -> Plan:
 def simulate(scenario: str, *changes: str) -> Record:
     """The record of such a scenario, run in the twin."""
     plan = planned(scenario, *changes)
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def places(plan: Plan) -> dict[str, Position]:

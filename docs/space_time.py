@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from volery.agents.plan import Plan
 from volery.experiments.ages import arrival_ns
 from volery.experiments.channels import LinkCourse
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
 from volery.experiments.space_time import LOOKS, Window, draw_space_time, fate_marks
 from volery.experiments.stories import Story, stories
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.links import LinkSettings
 
 if TYPE_CHECKING:
@@ -35,9 +35,7 @@ def planned(*fields: str) -> Plan:
 def simulate(*fields: str) -> Record:
     """The record of such a plan, run in the twin."""
     plan = planned(*fields)
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def settings_of(*fields: str) -> LinkSettings:

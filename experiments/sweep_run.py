@@ -31,11 +31,11 @@ from ..transport.links import ACCESS, COLLISION, HALF_DUPLEX
 from ..transport.media import on_air
 from .library import Source
 from .metrics import ErrorMetrics, Metrics, QuantityMetrics, compute_metrics
-from .record import Collector, Record, load
+from .record import Record, load
 from .running import Options, execute
 from .scenario import Scenario, compile_plan, read_scenario
 from .sweep_plan import Job
-from .twin import Twin
+from .twin import recorded
 
 Values = dict[str, float | None]
 _NOT_MEASURES = ("threshold", "samples", "agents")
@@ -75,9 +75,7 @@ def _record(job: Job) -> Record:
         folder = Path(job.keep)
         shutil.rmtree(folder, ignore_errors=True)
         return load(execute(scenario, Options("twin", runs=folder.parent, name=folder.name, figures=False)).folder)
-    plan, collector = compile_plan(scenario), Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(compile_plan(scenario))
 
 
 @lru_cache(_CELLS_AT_HAND)

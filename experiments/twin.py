@@ -15,6 +15,7 @@ from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
 from ..transport.media import AIR
 from .machine import one_blas_thread
+from .record import Collector, Record
 
 _PROGRESS_EVERY_NS = 100_000_000
 _RESTART = 2
@@ -115,3 +116,10 @@ class Twin:
             self._sink.event({"event": "stopped", "time_ns": end_ns})
         self._sink.event({"event": "finished", "time_ns": end_ns})
         return end_ns
+
+
+def recorded(plan: Plan) -> Record:
+    """The record of a plan, run in the twin to its end and kept in memory."""
+    collector = Collector()
+    Twin(plan, collector).run()
+    return collector.record(plan)

@@ -19,9 +19,9 @@ from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
 from volery.estimators.altitude_components import Barometer, Floats, Imu, RangeFinder
 from volery.estimators.modular_filter import GroundJumps
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.samples import Samples, samples
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.faults import ClockFault, Fault, Kill
 from volery.transport.latencies import Constant, Uniform
 from volery.transport.links import LinkSettings
@@ -82,9 +82,7 @@ def plan_of(
 
 def run(plan: Plan) -> Record:
     """The record of a run in the twin."""
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def altitude_errors(seen: Samples, until_s: float = 1e9) -> Floats:

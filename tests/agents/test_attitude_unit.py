@@ -17,10 +17,10 @@ from volery.errors import BadInput
 from volery.estimators import ToldAttitude, consensus_step, learned_quaternion
 from volery.experiments.accounting import account
 from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.samples import Samples, samples
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.rotations import conjugate, euler_to_quaternion, quaternion_product
 from volery.transport.faults import SensorFault
 from volery.worlds import DIRECTIONS
@@ -40,9 +40,7 @@ def planned(*changes: str, scenario: str = "attitude3") -> Plan:
 
 def run(plan: Plan) -> Record:
     """Its record, run in the twin."""
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def seen(*changes: str, quantity: str = "attitude", scenario: str = "attitude3") -> Samples:

@@ -15,9 +15,9 @@ from volery.agents.journal import Sent
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
 from volery.experiments.accounting import account
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -40,9 +40,7 @@ def star(parameters: BeaconParameters, seconds: int = 10, faults: Sequence[Fault
 
 def run(plan: Plan) -> Record:
     """The record of a run in the twin."""
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def starts(record: Record, agent: str, target: str, incarnation: int = 0) -> list[int]:

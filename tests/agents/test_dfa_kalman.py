@@ -13,10 +13,9 @@ from volery.agents.dfa_kalman import DfaKalman
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.metrics import Metrics, compute_metrics
-from volery.experiments.record import Collector
 from volery.experiments.results import _from_mapping
 from volery.experiments.scenario import compile_plan
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.worlds import PlaneWorld, build, distances
 from volery.worlds.plane import turning
 
@@ -45,9 +44,7 @@ def plan(*overrides: str) -> Plan:
 
 def run(*overrides: str) -> Metrics:
     """The metrics of the scenario."""
-    made, sink = plan(*overrides), Collector()
-    Twin(made, sink).run()
-    return compute_metrics(sink.record(made))
+    return compute_metrics(recorded(plan(*overrides)))
 
 
 def plane(**changes: Any) -> PlaneWorld:

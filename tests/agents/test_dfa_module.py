@@ -19,8 +19,8 @@ from volery.agents.dfa_module import DfaModule
 from volery.agents.dfa_parameters import COUNTS, DfaParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
-from volery.experiments.record import Collector, Record
-from volery.experiments.twin import Twin
+from volery.experiments.record import Record
+from volery.experiments.twin import recorded
 from volery.randomness import Stream, stream
 from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant, Uniform
@@ -80,9 +80,7 @@ def plan_of(
 
 def run(plan: Plan) -> Record:
     """The record of a run in the twin."""
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def errors(record: Record, quantity: str = "estimate") -> dict[str, np.ndarray]:

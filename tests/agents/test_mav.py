@@ -12,10 +12,10 @@ import pytest
 from volery.agents.mav_findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.errors import BadInput
 from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.samples import samples
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 
 NO_STEPS = "agents.script=[]"
 NO_FAULTS = "faults=[]"
@@ -26,9 +26,7 @@ BURST = "faults=[{at: 2 s, for: 5 s, where: all, set: {loss: {bernoulli: 1.0}}}]
 def fly(name: str, *overrides: str) -> Record:
     """The record of a scenario in the twin."""
     plan = compile_plan(load_scenario(name, overrides))
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def found(record: Record) -> dict[str, Any]:

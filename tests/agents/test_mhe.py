@@ -18,9 +18,9 @@ from volery.agents.mhe_parameters import PLACES, MheParameters
 from volery.agents.mhe_track import IN_TIME, LATE, TOO_LATE, Track
 from volery.errors import BadInput
 from volery.estimators.quadrotor_model import Deviations
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.experiments.validate import validate_plan
 from volery.worlds.quadrotor_sensors import DEVIATIONS
 
@@ -34,9 +34,7 @@ EARLY_ROLL = "world.roll={steps: {0 s: 0 rad, 500 ms: 0.1 rad}}"
 def flown(scenario: str, *changes: str) -> Record:
     """The record of a scenario with changes, run in the twin."""
     plan = compile_plan(load_scenario(scenario, changes))
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 def errors(record: Record, quantity: str, since: int = 0) -> Floats:

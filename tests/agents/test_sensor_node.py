@@ -18,8 +18,8 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNode, SensorNodeParameters
 from volery.errors import BadInput
 from volery.experiments.fitting import misfits
-from volery.experiments.record import Collector, Record
-from volery.experiments.twin import Twin
+from volery.experiments.record import Record
+from volery.experiments.twin import recorded
 from volery.experiments.validate import validate_plan
 from volery.transport.faults import ClockFault, Fault, SensorFault
 from volery.transport.latencies import Constant
@@ -69,9 +69,7 @@ def plan_of(parameters: SensorNodeParameters, faults: Sequence[Fault] = (), mtu:
 
 def run(plan: Plan) -> Record:
     """The record of a run in the twin."""
-    collector = Collector()
-    Twin(plan, collector).run()
-    return collector.record(plan)
+    return recorded(plan)
 
 
 BOTH = SensorNodeParameters(sensors=("once", "thrice"), payload="float64")

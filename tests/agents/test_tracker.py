@@ -16,10 +16,10 @@ from volery.errors import BadInput
 from volery.estimators.filtering import Filter
 from volery.estimators.gaussian import Gaussian, corrected
 from volery.experiments.metrics import Metrics, compute_metrics
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.results import _from_mapping
 from volery.experiments.scenario import compile_plan
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 
 SCENARIO: dict[str, Any] = {
     "name": "tracking",
@@ -35,9 +35,7 @@ SCENARIO: dict[str, Any] = {
 def run(*overrides: str) -> Record:
     """The record of the scenario with these overrides."""
     plan = compile_plan(_from_mapping(SCENARIO, overrides))
-    sink = Collector()
-    Twin(plan, sink).run()
-    return sink.record(plan)
+    return recorded(plan)
 
 
 def means(record: Record) -> dict[str, NDArray[np.float64]]:

@@ -18,10 +18,9 @@ from volery.experiments.accounting import account
 from volery.experiments.compile import compile_plan
 from volery.experiments.expansion import parse_fault
 from volery.experiments.fault_places import parse_agents, parse_links, places_of, read_words
-from volery.experiments.record import Collector
 from volery.experiments.scenario import load_scenario
 from volery.experiments.timeline import ACTIONS, TROUBLES
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.faults import Hog
 
 from .conftest import blocks, typed
@@ -47,9 +46,7 @@ def test_what_is_shown_runs(fragment: str, tmp_path: Path) -> None:
     plan = plan_of(fragment, tmp_path)
     assert plan.faults
     if not any(isinstance(fault, Hog) for fault in plan.faults):
-        collector = Collector()
-        Twin(plan, collector).run()
-        assert all(link.closes for link in account(collector.record(plan)).values())
+        assert all(link.closes for link in account(recorded(plan)).values())
 
 
 def test_every_fault_is_shown_both_ways() -> None:

@@ -69,12 +69,9 @@ def test_the_python_of_the_page_plans_a_sweep(monkeypatch: pytest.MonkeyPatch) -
 
 def test_columns_of_the_page_are_columns() -> None:
     """What the table of columns names for links is measured."""
-    from volery.experiments.record import Collector
     from volery.experiments.scenario import compile_plan, load_scenario
     from volery.experiments.sweep_run import measure
-    from volery.experiments.twin import Twin
+    from volery.experiments.twin import recorded
 
-    plan, collector = compile_plan(load_scenario("dfa4", ["duration=0.2 s"])), Collector()
-    Twin(plan, collector).run()
-    measured = measure(collector.record(plan))
+    measured = measure(recorded(compile_plan(load_scenario("dfa4", ["duration=0.2 s"]))))
     assert {*re.findall(r"`(links\.[a-z_]+)`", TEXT)} >= {name for name in measured if name.startswith("links.")}

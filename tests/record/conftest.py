@@ -14,7 +14,7 @@ from volery.agents.journal import Batch, Heard, Sent
 from volery.agents.payloads import decode, encode
 from volery.agents.plan import AgentPlan, Plan
 from volery.experiments.record import Collector, Record
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.faults import Fault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -92,9 +92,7 @@ def twin_run() -> Callable[[Plan], Record]:
     """Run a plan in the twin and give its record."""
 
     def run(plan: Plan) -> Record:
-        collector = Collector()
-        Twin(plan, collector).run()
-        return collector.record(plan)
+        return recorded(plan)
 
     return run
 

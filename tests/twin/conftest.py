@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import AgentPlan, Plan, World
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.slots import radio_slots
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
@@ -368,9 +368,7 @@ def twin_run() -> Run:
     """Run a plan in the twin and give its record."""
 
     def run(plan: Plan) -> Record:
-        collector = Collector()
-        Twin(plan, collector).run()
-        return collector.record(plan)
+        return recorded(plan)
 
     return run
 

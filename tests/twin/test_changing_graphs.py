@@ -8,9 +8,9 @@ import pytest
 
 from volery.agents.plan import Plan
 from volery.experiments.compile import compile_plan
-from volery.experiments.record import Collector, Record
+from volery.experiments.record import Record
 from volery.experiments.scenario import load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import recorded
 
 S = 1_000_000_000
 TEXT = """\
@@ -30,9 +30,7 @@ def run(tmp_path: Path, *fields: str) -> tuple[Plan, Record]:
     path = tmp_path / "changing.yaml"
     path.write_text(TEXT.format(*fields), "utf-8")
     plan = compile_plan(load_scenario(path))
-    collector = Collector()
-    Twin(plan, collector).run()
-    return plan, collector.record(plan)
+    return plan, recorded(plan)
 
 
 @pytest.mark.parametrize(

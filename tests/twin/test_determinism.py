@@ -32,12 +32,10 @@ from hashlib import sha256
 from volery.experiments.canonical import canonical
 from volery.experiments.record import Collector
 from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.twin import Twin
+from volery.experiments.twin import Twin, recorded
 for _ in range(int(sys.argv[1])):
     plan = compile_plan(load_scenario(sys.argv[2], sys.argv[3:]))
-    collector = Collector()
-    Twin(plan, collector).run()
-    print(sha256(canonical(collector.record(plan))).hexdigest())
+    print(sha256(canonical(recorded(plan))).hexdigest())
 """
 
 
