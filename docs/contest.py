@@ -49,9 +49,10 @@ CONDITIONS = {
     "bursts 0.3": [f"links.loss={LOSSY_BURSTS}"],
     "one-way 0.6": [],
     "late": ["links.latency={uniform: {low: 0 ms, high: 1500 ms}}"],
-    "narrow": ["links.medium={kind: half-duplex, per: edge, access: {tdma: {cycle: 6 Hz}}}", "links.rate=24 kbit/s"],
+    "radio": ["links.medium={kind: half-duplex, per: node, access: csma}", "links.rate=250 kbit/s"],
 }
-"""What the links do; `one-way` loses 0.6 from the lower to the higher name and nothing back."""
+"""What the links do; `one-way` loses 0.6 from the lower to the higher name and nothing back; airtime counts on the
+`radio`, where a link is as good as the contention around it lets it be."""
 GRAPHS: dict[str, Mapping[str, Any]] = {
     "geometric": {"geometric": {"count": 10, "radius": 0.5, "seed": 3}},
     "hexagonal": {"hexagonal": 10, "seed": 1},
@@ -65,7 +66,7 @@ SCENARIO: dict[str, Any] = {
     "topology": GRAPHS["ring"],
     "agents": {"kind": "tracker", "rounds": 3},
     "world": {"kind": "target"},
-    "links": {"latency": "20 ms", "paired": "50 ms", "overhead": "13 B", "bits_per_byte": 10},
+    "links": {"latency": "20 ms", "paired": "50 ms", "overhead": "13 B"},
 }
 ERROR, BEST = "findings.position error", "findings.position error, centralised"
 CONSISTENCY, BYTES = "findings.ANEES", "links.bytes_per_agent_s"

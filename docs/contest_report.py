@@ -17,7 +17,7 @@ CONTENDERS = tuple(name for name in FILTERS if name != REFERENCE)
 HONEST = ("on information", "hybrid by contributions", "covariance intersection", "event-triggered")
 """Those that claim never to be overconfident."""
 SIGNIFICANT = 0.05
-FRESH = tuple(condition for condition in CONDITIONS if condition not in ("late", "narrow"))
+FRESH = tuple(condition for condition in CONDITIONS if condition not in ("late", "radio"))
 """Conditions in which no message comes samples too late."""
 
 

@@ -23,7 +23,7 @@ FIGURES = ("errors", "anees", "loss", "conditions", "pareto", "ranks")
 SAMPLES = (
     ("ring", "loss 0.6", "hybrid by contributions"),
     ("star", "late", "on information"),
-    ("geometric", "narrow", "event-triggered"),
+    ("geometric", "radio", "event-triggered"),
 )
 SMALL_BYTES = 350_000
 
