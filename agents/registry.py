@@ -12,14 +12,14 @@ from .agent import Agent
 
 ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
-    "altitude-ekf": "volery.agents.altitude_ekf:AltitudeEkf",
-    "attitude-unit": "volery.agents.attitude_unit:AttitudeUnit",
+    "altitude-ekf": "volery.agents.altitude.ekf:AltitudeEkf",
+    "attitude-unit": "volery.agents.attitude.unit:AttitudeUnit",
     "beacon": "volery.agents.beacon:Beacon",
-    "dfa-kalman": "volery.agents.dfa_kalman:DfaKalman",
-    "dfa-module": "volery.agents.dfa_module:DfaModule",
-    "mav": "volery.agents.mav:Mav",
-    "mhe": "volery.agents.mhe:Mhe",
-    "tracker": "volery.agents.tracker:Tracker",
+    "dfa-kalman": "volery.agents.dfa.kalman:DfaKalman",
+    "dfa-module": "volery.agents.dfa.module:DfaModule",
+    "mav": "volery.agents.mav.vehicle:Mav",
+    "mhe": "volery.agents.mhe.estimator:Mhe",
+    "tracker": "volery.agents.fusion.tracker:Tracker",
     "sensor-node": "volery.agents.sensor_node:SensorNode",
 }
 _BESIDE = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.agents.altitude_network import measured
-from volery.estimators.altitude_components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
-from volery.estimators.modular_filter import GROUND, GroundJumps, ModularFilter
-from volery.estimators.replay import Stamped
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.agents.altitude.network import measured
+from volery.estimators.altitude.components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
+from volery.estimators.altitude.modular_filter import GROUND, GroundJumps, ModularFilter
+from volery.estimators.altitude.replay import Stamped
+from volery.experiments.scenario.load import compile_plan, load_scenario
 
 SCENARIO, SECONDS = "altitude-obstacles", 20
 SENSORS = {"imu": Imu(), "baro": Barometer(), "laser": RangeFinder()}

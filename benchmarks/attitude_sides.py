@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.estimators import ToldAttitude, consensus_step, learned_quaternion
+from volery.estimators.attitude.directions import learned_quaternion
+from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
 from volery.randomness import stream
 from volery.rotations import angle_between, conjugate, euler_to_quaternion, integrate, quaternion_product, rotate
 from volery.worlds import DIRECTIONS

@@ -13,7 +13,7 @@ from typing import Any, Self
 import bare_processes
 from shapes import BEGIN_NS, SECOND_NS, cpu_summary, delay_summary, end_ns, phase_ns, pss_mb, ring
 
-from volery.experiments.spawning import prepare
+from volery.experiments.swarm.spawning import prepare
 from volery.transport import zenoh_session as zs
 
 _ANSWER_TIMEOUT_S = 40.0

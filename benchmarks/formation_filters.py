@@ -11,8 +11,8 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from volery.estimators.formation_filter import Form, FormationFilter, Observation
-from volery.estimators.formation_model import FormationModel, Pair
+from volery.estimators.formation.filter import Form, FormationFilter, Observation
+from volery.estimators.formation.model import FormationModel, Pair
 from volery.randomness import stream
 
 STEPS, BATCHES = 40, 60

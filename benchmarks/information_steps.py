@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from volery.estimators.average_consensus import average_consensus
-from volery.estimators.filtering import Moment, Place
-from volery.estimators.filters import choose_filter
-from volery.estimators.gaussian import Gaussian, Measurement, Step
+from volery.estimators.averages.average_consensus import average_consensus
+from volery.estimators.distributed.filtering import Moment, Place
+from volery.estimators.distributed.filters import choose_filter
+from volery.estimators.distributed.gaussian import Gaussian, Measurement, Step
 from volery.topologies import agents, geometric
 from volery.worlds.target import TargetWorld, process_noise, transition
 

@@ -11,10 +11,10 @@ from shapes import quantile, ring
 from swarms import TimedSwarm, pulses
 
 import volery
-from volery.experiments.desk import Desk
-from volery.experiments.live import Injector
-from volery.experiments.record import Collector, Record
-from volery.experiments.stories import stories
+from volery.experiments.record.record import Collector, Record
+from volery.experiments.record.stories import stories
+from volery.experiments.swarm.desk import Desk
+from volery.experiments.swarm.live import Injector
 from volery.transport.keys import Keys
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

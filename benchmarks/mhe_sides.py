@@ -46,8 +46,8 @@ def _summary(seconds: list[float], rolls: list[float], truth: Any) -> dict[str, 
 
 def volery(gyroscope_bias: bool = False) -> dict[str, float]:
     """A point and its window, and what the quadratic program of the last window takes with each solver."""
-    from volery.estimators.moving_horizon import MovingHorizon
-    from volery.estimators.quadrotor_model import QuadrotorModel
+    from volery.estimators.horizon.moving_horizon import MovingHorizon
+    from volery.estimators.horizon.quadrotor_model import QuadrotorModel
     from volery.rotations import quaternion_to_euler
 
     inputs, measured, truth = flight()
@@ -71,8 +71,8 @@ def _programs(moving: Any) -> dict[str, float]:
     """Microseconds of the window's program, with bounds at a third of what the window found so that many are active."""
     from dataclasses import replace
 
-    from volery.estimators.quadratic_programs import solve
-    from volery.estimators.windows import program_of, smooth
+    from volery.estimators.horizon.quadratic_programs import solve
+    from volery.estimators.horizon.windows import program_of, smooth
 
     window = moving.window()
     found = abs(smooth(window).disturbances)

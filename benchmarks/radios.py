@@ -13,8 +13,8 @@ from typing import Any
 
 import simpy
 
-from volery.experiments.record import Collector
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.record.record import Collector
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import Twin
 from volery.transport.csma import Csma
 

@@ -14,8 +14,8 @@ from shapes import BEGIN_NS, PAYLOAD_BYTES, SECOND_NS, cpu_summary, delay_summar
 from volery.agents.journal import Batch
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
-from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.swarm import Ending, Swarm
+from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.swarm.supervisor import Ending, Swarm
 from volery.transport.latencies import Constant, Latency, Normal
 from volery.transport.links import DELIVERED, LinkSettings
 from volery.transport.losses import GilbertElliott

@@ -28,12 +28,12 @@ from tempfile import TemporaryDirectory
 from measuring import table
 
 from volery.errors import VoleryError
-from volery.experiments.mcap_file import recover
-from volery.experiments.metrics import FILE_NAME as METRICS_FILE
-from volery.experiments.metrics import write_metrics
-from volery.experiments.record import load
-from volery.experiments.recorder import FILE_NAME
-from volery.experiments.run_files import CONTROL_FILE
+from volery.experiments.analysis.metrics import FILE_NAME as METRICS_FILE
+from volery.experiments.analysis.metrics import write_metrics
+from volery.experiments.record.mcap_file import recover
+from volery.experiments.record.record import load
+from volery.experiments.record.recorder import FILE_NAME
+from volery.experiments.record.run_files import CONTROL_FILE
 from volery.randomness import stream
 
 TRIALS, SEED = 50, 1

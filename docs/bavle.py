@@ -17,16 +17,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.agents.altitude_network import measured
-from volery.agents.altitude_parameters import AltitudeEkfParameters
+from volery.agents.altitude.network import measured
+from volery.agents.altitude.parameters import AltitudeEkfParameters
 from volery.agents.plan import Plan
-from volery.estimators.altitude_components import Ground
-from volery.estimators.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
-from volery.estimators.replay import Stamped
-from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from volery.experiments.record import Record
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.estimators.altitude.components import Ground
+from volery.estimators.altitude.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
+from volery.estimators.altitude.replay import Stamped
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.fault_labels import fault_label
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
 from volery.units import period_ns

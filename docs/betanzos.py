@@ -20,12 +20,13 @@ from page_figures import draw_asked
 
 from volery import topologies
 from volery.agents.plan import Plan
-from volery.estimators import collective_matrices, largest_step, learned_quaternion, observation_matrix
+from volery.estimators.attitude.directions import learned_quaternion, observation_matrix
+from volery.estimators.attitude.dynamic_consensus import collective_matrices, largest_step
 from volery.estimators.metrics import attitude_difference
-from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
-from volery.experiments.record import Record
-from volery.experiments.samples import Samples, samples
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import Samples, samples
+from volery.experiments.scenario.fault_labels import fault_label
 from volery.randomness import stream
 from volery.rotations import (
     conjugate,

@@ -12,7 +12,18 @@ from contest import CONDITIONS, FILTERS, GRAPHS
 from matplotlib.colors import LogNorm, TwoSlopeNorm
 from matplotlib.figure import Figure
 
-from volery.experiments.figures import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION, save
+from volery.experiments.figures.of_runs import (
+    BLACK,
+    BLUE,
+    DARK_GREY,
+    GREEN,
+    GREY,
+    PAGE_IN,
+    PURPLE,
+    SKY,
+    VERMILION,
+    save,
+)
 
 if TYPE_CHECKING:
     from contest_report import Results

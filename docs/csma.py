@@ -18,9 +18,9 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from volery.experiments.figures import BLACK, BLUE, COLUMN_IN, GREEN, SKY, STYLE, VERMILION
-from volery.experiments.record import Record
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.figures.of_runs import BLACK, BLUE, COLUMN_IN, GREEN, SKY, STYLE, VERMILION
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.csma import Csma
 

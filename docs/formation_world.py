@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
 
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, SKY, STYLE, VERMILION
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PAGE_IN, SKY, STYLE, VERMILION
 from volery.rotations import rotate
 from volery.topologies import formation
 from volery.units import period_ns

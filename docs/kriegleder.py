@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from page_figures import draw_asked
 
 from volery.agents.plan import Plan
-from volery.estimators import covariance, noncollinear
-from volery.experiments.fault_labels import fault_label
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.estimators.flying_array.least_squares import covariance, noncollinear
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
+from volery.experiments.scenario.fault_labels import fault_label
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS

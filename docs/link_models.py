@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, settings_of, simulate, space_time
 
-from volery.experiments.figures import BLACK, BLUE, SKY, VERMILION
+from volery.experiments.figures.of_runs import BLACK, BLUE, SKY, VERMILION
 from volery.transport.latencies import Latency
 from volery.transport.losses import Loss
 from volery.transport.stages import Surroundings

@@ -16,7 +16,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, planned, settings_of, simulate, space_time
 
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
 
 # -- airtime and queue --------------------------------------------------------------------------------------------
 

@@ -16,13 +16,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.agents.mav_findings import estimate_spread, mean_nees, shape_errors
-from volery.agents.mav_parameters import MavParameters
-from volery.estimators.formation_assignment import observability
-from volery.estimators.formation_control import control, regulator
-from volery.experiments.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Record
+from volery.agents.mav.findings import estimate_spread, mean_nees, shape_errors
+from volery.agents.mav.parameters import MavParameters
+from volery.estimators.formation.assignment import observability
+from volery.estimators.formation.control import control, regulator
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from volery.experiments.record.record import Record
 from volery.transport.links import NANOSECONDS
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from volery.agents.plan import Plan
-from volery.experiments.ages import arrival_ns
-from volery.experiments.channels import LinkCourse
-from volery.experiments.record import Record
-from volery.experiments.scenario import compile_plan, load_scenario
-from volery.experiments.space_time import LOOKS, Window, draw_space_time, fate_marks
-from volery.experiments.stories import Story, stories
+from volery.experiments.analysis.ages import arrival_ns
+from volery.experiments.analysis.channels import LinkCourse
+from volery.experiments.figures.space_time import LOOKS, Window, draw_space_time, fate_marks
+from volery.experiments.record.record import Record
+from volery.experiments.record.stories import Story, stories
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import LinkSettings
 

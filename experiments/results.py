@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from . import figures
-from .export import FRAME_COLUMNS, frame_rows
-from .metrics import Metrics, compute_metrics
-from .record import Record, load
+from .analysis.export import FRAME_COLUMNS, frame_rows
+from .analysis.metrics import Metrics, compute_metrics
+from .figures import of_runs as figures
+from .record.record import Record, load
+from .record.samples import Samples, samples
 from .running import Options, execute
-from .samples import Samples, samples
-from .scenario import Scenario, compile_plan, load_scenario
-from .validate import validate_plan
+from .scenario.load import Scenario, compile_plan, load_scenario
+from .scenario.validate import validate_plan
 
 _UNKNOWN = {"VARCHAR": "", "BIGINT": -1}
 _TYPES = {"VARCHAR": np.str_, "BIGINT": np.int64, "BOOLEAN": np.bool_}

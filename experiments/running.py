@@ -21,20 +21,20 @@ from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
 from ..transport.faults import in_force
 from ..transport.keys import Keys
-from .background import BackgroundSink
-from .compile import compile_plan
-from .desk import Desk
-from .fault_labels import in_words
-from .figures import plot
-from .live import Injector
-from .machine import fingerprint, libraries
-from .metrics import Metrics, write_metrics
-from .paces import check_pace
-from .recorder import Recorder
-from .run_files import INFO_FILE, SCENARIO_FILE
-from .schema import Scenario, resolved_yaml
-from .status import Status
-from .swarm import Ending, Swarm
+from .analysis.metrics import Metrics, write_metrics
+from .figures.of_runs import plot
+from .record.background import BackgroundSink
+from .record.machine import fingerprint, libraries
+from .record.recorder import Recorder
+from .record.run_files import INFO_FILE, SCENARIO_FILE
+from .scenario.compile import compile_plan
+from .scenario.fault_labels import in_words
+from .scenario.paces import check_pace
+from .scenario.schema import Scenario, resolved_yaml
+from .swarm.desk import Desk
+from .swarm.live import Injector
+from .swarm.status import Status
+from .swarm.supervisor import Ending, Swarm
 from .twin import Twin
 
 Engine = Literal["zenoh", "twin"]

@@ -14,8 +14,8 @@ from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
 from ..transport.media import AIR
-from .machine import one_blas_thread
-from .record import Collector, Record
+from .record.machine import one_blas_thread
+from .record.record import Collector, Record
 
 _PROGRESS_EVERY_NS = 100_000_000
 _RESTART = 2

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..agents.journal import LAST_HEARD, MISSED, Batch, Estimate
-from .machine import differences, libraries
-from .record import Collector, Life, Record, load
+from .record.machine import differences, libraries
+from .record.record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
 
 _TOLERANCE = 1e-9

@@ -1,7 +1,7 @@
 """volery: an asynchronous networked agent emulator over Eclipse Zenoh.
 
 `run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.results.Run`.
-`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweep_results.Sweep`.
+`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweeps.results.Sweep`.
 `connect` finds a swarm that is running, to inject faults.
 """
 
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from .experiments.remote import RunningSwarm
     from .experiments.results import Run
-    from .experiments.sweep_results import Sweep
+    from .experiments.swarm.remote import RunningSwarm
+    from .experiments.sweeps.results import Sweep
 
 __all__ = ["connect", "load", "run", "sweep"]
 
@@ -108,8 +108,8 @@ def sweep(  # noqa: PLR0913 - all but two by name
         BadInput: a field that does not exist, an empty range, an option that does not fit, results of another sweep.
         RunFailed: a run could not be carried through; what is finished is kept.
     """
-    from .experiments.sweep import SweepOptions
-    from .experiments.sweep import sweep as carry_out
+    from .experiments.sweeps.sweep import SweepOptions
+    from .experiments.sweeps.sweep import sweep as carry_out
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
     return carry_out(scenario, over, overrides, random, options)
@@ -135,6 +135,6 @@ def connect(folder: str | Path) -> RunningSwarm:
     Raises:
         BadInput: no swarm runs there.
     """
-    from .experiments import remote
+    from .experiments.swarm import remote
 
     return remote.connect(folder)

@@ -12,15 +12,15 @@ import pytest
 
 from volery.agents import payloads
 from volery.agents.agent import Agent, NoParameters
-from volery.agents.altitude_ekf import AltitudeEkf
-from volery.agents.altitude_parameters import AltitudeEkfParameters
+from volery.agents.altitude.ekf import AltitudeEkf
+from volery.agents.altitude.parameters import AltitudeEkfParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
-from volery.estimators.altitude_components import Barometer, Floats, Imu, RangeFinder
-from volery.estimators.modular_filter import GroundJumps
-from volery.experiments.record import Record
-from volery.experiments.samples import Samples, samples
+from volery.estimators.altitude.components import Barometer, Floats, Imu, RangeFinder
+from volery.estimators.altitude.modular_filter import GroundJumps
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import Samples, samples
 from volery.experiments.twin import recorded
 from volery.transport.faults import ClockFault, Fault, Kill
 from volery.transport.latencies import Constant, Uniform

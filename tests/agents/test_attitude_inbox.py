@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from volery.agents import payloads
-from volery.agents.attitude_inbox import Inbox
-from volery.agents.attitude_parameters import COUNTS, Told
+from volery.agents.attitude.inbox import Inbox
+from volery.agents.attitude.parameters import COUNTS, Told
 from volery.agents.payloads import DamagedPayload
-from volery.estimators import ToldAttitude
+from volery.estimators.attitude.dynamic_consensus import ToldAttitude
 
 ATTITUDE = ToldAttitude(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0]))
 

@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volery.agents.attitude_network import problems
-from volery.agents.attitude_unit import AttitudeUnit
+from volery.agents.attitude.network import problems
+from volery.agents.attitude.unit import AttitudeUnit
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.estimators import ToldAttitude, consensus_step, learned_quaternion
-from volery.experiments.accounting import account
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Record
-from volery.experiments.samples import Samples, samples
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.estimators.attitude.directions import learned_quaternion
+from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
+from volery.experiments.analysis.accounting import account
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import Samples, samples
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.rotations import conjugate, euler_to_quaternion, quaternion_product
 from volery.transport.faults import SensorFault

@@ -14,9 +14,9 @@ from volery.agents.beacon import Beacon, BeaconParameters
 from volery.agents.journal import Sent
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
-from volery.experiments.accounting import account
-from volery.experiments.record import Record
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.analysis.accounting import account
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant

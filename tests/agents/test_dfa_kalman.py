@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery.agents.dfa_kalman import DfaKalman
+from volery.agents.dfa.kalman import DfaKalman
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.metrics import Metrics, compute_metrics
+from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.results import _from_mapping
-from volery.experiments.scenario import compile_plan
+from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
 from volery.worlds import PlaneWorld, build, distances
 from volery.worlds.plane import turning

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 from volery import topologies
 from volery.agents import payloads
 from volery.agents.agent import Context, Received, Sample, Timer
-from volery.agents.dfa_module import DfaModule
-from volery.agents.dfa_parameters import COUNTS, DfaParameters
+from volery.agents.dfa.module import DfaModule
+from volery.agents.dfa.parameters import COUNTS, DfaParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
-from volery.experiments.record import Record
+from volery.experiments.record.record import Record
 from volery.experiments.twin import recorded
 from volery.randomness import Stream, stream
 from volery.transport.faults import Fault, Kill, Pause

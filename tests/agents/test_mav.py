@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery.agents.mav_findings import estimate_spread, mean_nees, pushed_centre, shape_errors
+from volery.agents.mav.findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.errors import BadInput
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 
 NO_STEPS = "agents.script=[]"
@@ -270,7 +270,7 @@ def test_an_assignment_that_cannot_be_observed_names_who_is_cut_off() -> None:
 
 def test_parameters_read_back_equal(tmp_path: Path) -> None:
     """References and script survive being written to the folder of a run."""
-    from volery.experiments.scenario import resolved_yaml
+    from volery.experiments.scenario.load import resolved_yaml
 
     scenario = load_scenario("mav3")
     path = tmp_path / "again.yaml"

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from volery.agents import measurements
 from volery.agents.agent import Received
 from volery.agents.measurements import Measurement
-from volery.agents.mhe import ATTITUDE, COUNTS, DISTURBANCE, Mhe
-from volery.agents.mhe_parameters import PLACES, MheParameters
-from volery.agents.mhe_track import IN_TIME, LATE, TOO_LATE, Track
+from volery.agents.mhe.estimator import ATTITUDE, COUNTS, DISTURBANCE, Mhe
+from volery.agents.mhe.parameters import PLACES, MheParameters
+from volery.agents.mhe.track import IN_TIME, LATE, TOO_LATE, Track
 from volery.errors import BadInput
-from volery.estimators.quadrotor_model import Deviations
-from volery.experiments.record import Record
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.estimators.horizon.quadrotor_model import Deviations
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
-from volery.experiments.validate import validate_plan
 from volery.worlds.quadrotor_sensors import DEVIATIONS
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from volery.agents.plan import AgentPlan, Plan, moving
 from volery.errors import BadInput
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.scenario.load import compile_plan, load_scenario
 
 PLACES = {"1": (0.0, 0.0), "2": (3.0, 4.0), "3": None}
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from volery.agents import registry
-from volery.agents.dfa_module import DfaModule
+from volery.agents.dfa.module import DfaModule
 from volery.errors import BadInput
 
 OWN = "from volery.agents.agent import Agent\n\nclass Mine(Agent):\n    pass\n\nNOT_A_CLASS = 3\n"

@@ -17,10 +17,10 @@ from volery.agents.payloads import DamagedPayload, Precision
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNode, SensorNodeParameters
 from volery.errors import BadInput
-from volery.experiments.fitting import misfits
-from volery.experiments.record import Record
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.fitting import misfits
+from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
-from volery.experiments.validate import validate_plan
 from volery.transport.faults import ClockFault, Fault, SensorFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from volery.agents import payloads
 from volery.agents.agent import Finding
-from volery.agents.tracker import Tracker
+from volery.agents.fusion.tracker import Tracker
 from volery.errors import BadInput
-from volery.estimators.filtering import Filter
-from volery.estimators.gaussian import Gaussian, corrected
-from volery.experiments.metrics import Metrics, compute_metrics
-from volery.experiments.record import Record
+from volery.estimators.distributed.filtering import Filter
+from volery.estimators.distributed.gaussian import Gaussian, corrected
+from volery.experiments.analysis.metrics import Metrics, compute_metrics
+from volery.experiments.record.record import Record
 from volery.experiments.results import _from_mapping
-from volery.experiments.scenario import compile_plan
+from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
 
 SCENARIO: dict[str, Any] = {

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pytest
 
 import volery as package
-from volery.experiments import cli
+from volery.experiments.cli import app as cli
 
 SCENARIO = """\
 name: short

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.transport.faults import LinkFault
 
 from .conftest import Volery

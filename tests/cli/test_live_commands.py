@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments import cli_faults, cli_live
-from volery.experiments.expansion import parse_fault
-from volery.experiments.fault_places import Places
+from volery.experiments.cli import faults as cli_faults
+from volery.experiments.cli import live as cli_live
+from volery.experiments.scenario.expansion import parse_fault
+from volery.experiments.scenario.fault_places import Places
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
 from volery.worlds import build
 

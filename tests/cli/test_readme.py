@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from volery.experiments.cli import app
-from volery.experiments.compile import compile_plan
-from volery.experiments.library import builtin_scenarios
-from volery.experiments.scenario import load_scenario
-from volery.experiments.validate import validate_plan
+from volery.experiments.cli.app import app
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.library import builtin_scenarios
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.validate import validate_plan
 
 from .conftest import Volery
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from volery.experiments import cli_run
+from volery.experiments.cli import run as cli_run
 from volery.experiments.running import execute
 
 from .conftest import Volery

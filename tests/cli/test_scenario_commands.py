@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from volery.experiments.scenario import builtin_scenarios, load_scenario, scenario_text
+from volery.experiments.scenario.load import builtin_scenarios, load_scenario, scenario_text
 
 from .conftest import Volery
 

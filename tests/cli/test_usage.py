@@ -44,7 +44,7 @@ def test_every_command_has_help(volery: Volery, words: list[str]) -> None:
 def test_help_loads_nothing_heavy() -> None:
     """`volery --help` is quick: no library of the runs, their figures or their network is loaded for it."""
     heavy = ["numpy", "scipy", "zenoh", "matplotlib", "duckdb", "pydantic", "networkx", "mcap", "ruamel"]
-    code = "import sys; from volery.experiments.cli import main; main(['--help']); print(*sys.modules)"
+    code = "import sys; from volery.experiments.cli.app import main; main(['--help']); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = done.stdout.splitlines()[-1].split()
     assert "cyclopts" in loaded

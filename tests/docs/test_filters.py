@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import volery
-from volery.estimators.average_consensus import AVERAGINGS, LOCAL
-from volery.estimators.filters import FILTERS
+from volery.estimators.averages.average_consensus import AVERAGINGS, LOCAL
+from volery.estimators.distributed.filters import FILTERS
 
 from .conftest import DOCS, blocks
 

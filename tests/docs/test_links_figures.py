@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from volery.experiments.link_schema import ACCESSES, LinkFields
-from volery.experiments.presets import PRESETS
-from volery.experiments.scenario import load_scenario
+from volery.experiments.scenario.link_schema import ACCESSES, LinkFields
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.presets import PRESETS
 from volery.transport.latencies import LATENCIES
 from volery.transport.losses import LOSSES
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import volery
-from volery.experiments.cli import main
+from volery.experiments.cli.app import main
 
 from .conftest import blocks, typed
 

@@ -13,21 +13,21 @@ import pytest
 from ruamel.yaml import YAML
 
 from volery import topologies, worlds
-from volery.agents.altitude_parameters import AltitudeEkfParameters
-from volery.agents.attitude_parameters import AttitudeParameters
+from volery.agents.altitude.parameters import AltitudeEkfParameters
+from volery.agents.attitude.parameters import AttitudeParameters
 from volery.agents.beacon import BeaconParameters
-from volery.agents.dfa_kalman import DfaKalmanParameters
-from volery.agents.dfa_parameters import DfaParameters
-from volery.agents.mav_parameters import Filtering, Frames, Leg, MavParameters, Messages
-from volery.agents.mhe_parameters import MheParameters
+from volery.agents.dfa.kalman import DfaKalmanParameters
+from volery.agents.dfa.parameters import DfaParameters
+from volery.agents.fusion.tracker import TrackerParameters
+from volery.agents.mav.parameters import Filtering, Frames, Leg, MavParameters, Messages
+from volery.agents.mhe.parameters import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
-from volery.agents.tracker import TrackerParameters
 from volery.errors import BadInput
-from volery.estimators.altitude_components import Barometer, Ground, Imu, RangeFinder, Robot
-from volery.estimators.modular_filter import GroundJumps
-from volery.estimators.quadrotor_model import Deviations
-from volery.experiments.link_schema import ACCESSES
-from volery.experiments.scenario import json_schema, load_scenario
+from volery.estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot
+from volery.estimators.altitude.modular_filter import GroundJumps
+from volery.estimators.horizon.quadrotor_model import Deviations
+from volery.experiments.scenario.link_schema import ACCESSES
+from volery.experiments.scenario.load import json_schema, load_scenario
 
 from .conftest import DOCS, blocks
 

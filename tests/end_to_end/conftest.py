@@ -11,11 +11,11 @@ import pytest
 
 from volery.agents.plan import Plan
 from volery.agents.process import Pace
-from volery.experiments.compile import compile_plan
-from volery.experiments.live import Injector
-from volery.experiments.record import Collector, Record
-from volery.experiments.scenario import load_scenario
-from volery.experiments.swarm import Ending, Swarm
+from volery.experiments.record.record import Collector, Record
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Ending, Swarm
 
 LIMIT_S = 90
 BURN_S = 60

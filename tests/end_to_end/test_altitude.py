@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from volery.agents.plan import Plan
-from volery.experiments.accounting import account, total
-from volery.experiments.live import Injector
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account, total
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 
 from .conftest import run_swarm, until

@@ -7,9 +7,9 @@ import signal
 from collections.abc import Callable
 
 from volery.agents.plan import WORLD, Plan
-from volery.experiments.accounting import account
-from volery.experiments.live import Injector
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 
 from .conftest import run_swarm, until

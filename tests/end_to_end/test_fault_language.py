@@ -12,11 +12,11 @@ import pytest
 import volery
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.accounting import account
-from volery.experiments.desk import Desk
-from volery.experiments.live import Injector
-from volery.experiments.record import Record
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account
+from volery.experiments.record.record import Record
+from volery.experiments.swarm.desk import Desk
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import from_plain
 from volery.transport.keys import Keys

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from volery.agents.plan import Plan
-from volery.experiments.accounting import account
+from volery.experiments.analysis.accounting import account
 from volery.experiments.verify import compare, replay
 
 from .conftest import run_swarm

@@ -12,9 +12,9 @@ import pytest
 
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.accounting import account
-from volery.experiments.live import Injector
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Kill
 

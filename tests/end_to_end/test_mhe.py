@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from volery.agents.mhe import COUNTS
+from volery.agents.mhe.estimator import COUNTS
 from volery.agents.plan import Plan
-from volery.experiments.accounting import account
-from volery.experiments.live import Injector
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 
 from .conftest import run_swarm, until

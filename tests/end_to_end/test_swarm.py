@@ -15,10 +15,10 @@ from volery.agents.agent import NoParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
-from volery.experiments.accounting import account, total
-from volery.experiments.live import Injector
-from volery.experiments.record import Record
-from volery.experiments.swarm import Swarm
+from volery.experiments.analysis.accounting import account, total
+from volery.experiments.record.record import Record
+from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport import zenoh_session as zs
 from volery.transport.faults import Hog
@@ -223,7 +223,7 @@ def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
     plan = plan_of("dfa16-lossy", "duration=20 s", "faults=[]")
 
     async def try_the_same(swarm: Swarm, _: Injector) -> None:
-        from volery.experiments.record import Collector
+        from volery.experiments.record.record import Collector
 
         with pytest.raises(BadInput, match="--listen"):
             await Swarm(plan, Collector(), "second", listen=swarm.endpoint).run()

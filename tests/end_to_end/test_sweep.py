@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from volery.experiments.sweep import SweepOptions, sweep
+from volery.experiments.sweeps.sweep import SweepOptions, sweep
 
 OVER = {"links.loss.bernoulli": [0.3]}
 SHORT = ("duration=0.5 s",)

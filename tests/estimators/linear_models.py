@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.estimators.error_state import Noise
+from volery.estimators.horizon.error_state import Noise
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.estimators.altitude_components import (
+from volery.estimators.altitude.components import (
     GRAVITY,
     ROBOT_STATES,
     Barometer,

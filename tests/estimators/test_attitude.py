@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from volery.errors import BadInput
-from volery.estimators import learned_quaternion, least_squares_attitude, observation_matrix
+from volery.estimators.attitude.directions import learned_quaternion, least_squares_attitude, observation_matrix
 from volery.randomness import stream
 from volery.rotations import (
     angle_between,

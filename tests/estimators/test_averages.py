@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from volery import topologies
 from volery.errors import BadInput
-from volery.estimators import ConsensusLaw
-from volery.estimators.average_consensus import AVERAGINGS, average_consensus
-from volery.estimators.chebyshev import chebyshev_bound, chebyshev_law
-from volery.estimators.gossip import gossip_law
+from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus
+from volery.estimators.averages.chebyshev import chebyshev_bound, chebyshev_law
+from volery.estimators.averages.gossip import gossip_law
+from volery.estimators.averages.laws import ConsensusLaw
 from volery.estimators.metrics import contraction
 from volery.randomness import stream
 from volery.topologies import agents, complete, geometric, natural_key, ring, star, weight_matrix

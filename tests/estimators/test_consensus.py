@@ -8,17 +8,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators import (
-    InformationPair,
-    centralised_estimate,
-    design_row,
-    estimate,
-    initial_pair,
-    metropolis_round,
-    pack_pair,
-    unpack_pair,
-    weighted_average,
-)
+from volery.estimators.averages.averaging import weighted_average
+from volery.estimators.flying_array.consensus import estimate, initial_pair, metropolis_round
+from volery.estimators.flying_array.least_squares import centralised_estimate
+from volery.estimators.flying_array.plane import design_row
+from volery.estimators.information import InformationPair, pack_pair, unpack_pair
 from volery.randomness import stream
 from volery.topologies import Position, agents, ball, complete, metropolis, positions, random_hexagonal
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from volery import topologies
 from volery.errors import BadInput
-from volery.estimators import (
+from volery.estimators.attitude.dynamic_consensus import (
     ToldAttitude,
     collective_matrices,
     consensus_rate,

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators import pack_pair, unpack_pair
-from volery.estimators.covariance_intersection import intersection
-from volery.estimators.filtering import Filter, Moment, Place
-from volery.estimators.filters import FILTERS, choose_filter
-from volery.estimators.gaussian import Gaussian, information
+from volery.estimators.distributed.covariance_intersection import intersection
+from volery.estimators.distributed.filtering import Filter, Moment, Place
+from volery.estimators.distributed.filters import FILTERS, choose_filter
+from volery.estimators.distributed.gaussian import Gaussian, information
+from volery.estimators.information import pack_pair, unpack_pair
 from volery.topologies import agents, complete, geometric, ring, star
 
 from .tracking import (
@@ -233,7 +233,7 @@ def test_names_options_and_averagings_are_checked() -> None:
         choose_filter("hybrid/mean")
     with pytest.raises(BadInput, match="no option 'gian': it has gain"):
         choose_filter("kalman-consensus-2009", {"gian": 0.1})
-    with pytest.raises(BadInput, match=r"not a subclass of volery\.estimators\.filtering\.Filter"):
+    with pytest.raises(BadInput, match=r"no subclass of volery\.estimators\.distributed\.filtering\.Filter"):
         choose_filter("collections:OrderedDict")
     with pytest.raises(BadInput, match="cannot be loaded"):
         choose_filter("no_such_module:Filter")

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators.formation_assignment import assignment, check_observable, observability
-from volery.estimators.formation_model import FormationModel, Pair
+from volery.estimators.formation.assignment import assignment, check_observable, observability
+from volery.estimators.formation.model import FormationModel, Pair
 from volery.randomness import stream
 
 RING = [(0, 1), (1, 2), (2, 0)]

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from volery.errors import BadInput
-from volery.estimators.formation_control import Weights, control, regulator
-from volery.estimators.formation_filter import LONGEST_STEP_NS
-from volery.estimators.formation_model import FormationModel
+from volery.estimators.formation.control import Weights, control, regulator
+from volery.estimators.formation.filter import LONGEST_STEP_NS
+from volery.estimators.formation.model import FormationModel
 from volery.randomness import stream
 
 RATE = 30.0

@@ -10,8 +10,8 @@ from scipy.linalg import expm
 
 from volery.errors import BadInput
 from volery.estimators import metrics
-from volery.estimators.formation_filter import Form, FormationFilter, Observation, sighting
-from volery.estimators.formation_model import FormationModel, Pair
+from volery.estimators.formation.filter import Form, FormationFilter, Observation, sighting
+from volery.estimators.formation.model import FormationModel, Pair
 from volery.randomness import stream
 
 STEP_NS = 33_333_333
@@ -240,7 +240,7 @@ def test_a_step_that_does_not_go_forward_or_goes_too_far_is_refused_and_changes_
 def test_the_compiled_form_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without Numba it is refused with what to install; the others need none."""
     monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.delitem(sys.modules, "volery.estimators.formation_compiled", raising=False)
+    monkeypatch.delitem(sys.modules, "volery.estimators.formation.compiled", raising=False)
     FormationFilter(FormationModel(3), np.zeros(12), form="joseph")
     FormationFilter(FormationModel(3), np.zeros(12), form="square-root")
     with pytest.raises(BadInput, match=r"pip install 'volery\[fast\]', or choose joseph"):

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from volery import rotations as rot
 from volery.errors import BadInput
-from volery.estimators.frame_consensus import FrameConsensus
-from volery.estimators.inertial_frame import imu_model
-from volery.estimators.so3_consensus import disagreement, seen_attitude
+from volery.estimators.frames.frame_consensus import FrameConsensus
+from volery.estimators.frames.inertial_frame import imu_model
+from volery.estimators.frames.so3_consensus import disagreement, seen_attitude
 
 Floats = NDArray[np.float64]
 

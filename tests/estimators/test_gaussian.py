@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators import InformationPair
-from volery.estimators.gaussian import (
+from volery.estimators.distributed.gaussian import (
     Gaussian,
     Measurement,
     Step,
@@ -21,7 +20,7 @@ from volery.estimators.gaussian import (
     predict,
     run_forward,
 )
-from volery.estimators.information import pack_symmetric, packed_size, unpack_symmetric
+from volery.estimators.information import InformationPair, pack_symmetric, packed_size, unpack_symmetric
 
 
 def spd(draws: np.random.Generator, size: int) -> NDArray[np.float64]:

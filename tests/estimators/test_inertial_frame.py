@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from volery import rotations as rot
 from volery.errors import BadInput
 from volery.estimators import metrics
-from volery.estimators.inertial_frame import (
+from volery.estimators.frames.inertial_frame import (
     LONGEST_STEP_S,
     ImuEstimate,
     ImuModel,

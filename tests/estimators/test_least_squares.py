@@ -9,17 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.estimators import (
+from volery.estimators.averages.averaging import weighted_average
+from volery.estimators.flying_array.least_squares import (
     HandedEstimate,
     centralised_estimate,
     covariance,
-    design_matrix,
     hand_on,
     neighbourhood_estimate,
     noncollinear,
-    weighted_average,
     well_conditioned,
 )
+from volery.estimators.flying_array.plane import design_matrix
 from volery.randomness import stream
 from volery.topologies import agents, ball, metropolis, positions, random_hexagonal, sixteen_module_array
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.estimators.altitude_components import (
+from volery.estimators.altitude.components import (
     GRAVITY,
     ROBOT_STATES,
     Barometer,
@@ -25,7 +25,7 @@ from volery.estimators.altitude_components import (
     Sensor,
     State,
 )
-from volery.estimators.modular_filter import GROUND, Belief, GroundJumps, ModularFilter, Variant, unobservable
+from volery.estimators.altitude.modular_filter import GROUND, Belief, GroundJumps, ModularFilter, Variant, unobservable
 
 S, MS = 1_000_000_000, 1_000_000
 THREE: tuple[tuple[str, Sensor], ...] = (("imu", Imu()), ("baro", Barometer()), ("laser", RangeFinder()))

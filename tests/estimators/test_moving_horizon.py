@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from volery.errors import BadInput
-from volery.estimators.error_state import Noise, completed
-from volery.estimators.error_state_kalman import ErrorStateKalman
-from volery.estimators.moving_horizon import Estimated, MovingHorizon
-from volery.estimators.quadratic_programs import QuadraticProgram, solve
-from volery.estimators.windows import Window, smooth
+from volery.estimators.horizon.error_state import Noise, completed
+from volery.estimators.horizon.error_state_kalman import ErrorStateKalman
+from volery.estimators.horizon.moving_horizon import Estimated, MovingHorizon
+from volery.estimators.horizon.quadratic_programs import QuadraticProgram, solve
+from volery.estimators.horizon.windows import Window, smooth
 
 from .linear_models import Floats, LinearModel, linear_model, simulated
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.estimators import centralised_estimate, design_matrix, design_row, exact_state
+from volery.estimators.flying_array.least_squares import centralised_estimate
+from volery.estimators.flying_array.plane import design_matrix, design_row, exact_state
 from volery.topologies import four_module_array, positions, random_hexagonal
 from volery.worlds import distances
 

@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import chi2
 
 from volery.errors import BadInput
-from volery.estimators.attitude_model import AttitudeModel
-from volery.estimators.moving_horizon import MovingHorizon
-from volery.estimators.quadrotor_model import RANGES, Deviations, QuadrotorModel
+from volery.estimators.horizon.attitude_model import AttitudeModel
+from volery.estimators.horizon.moving_horizon import MovingHorizon
+from volery.estimators.horizon.quadrotor_model import RANGES, Deviations, QuadrotorModel
 from volery.rotations import euler_to_quaternion, normalised
 
 from .linear_models import Floats

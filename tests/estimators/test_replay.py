@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.estimators.replay import Replay, Stamped
+from volery.estimators.altitude.replay import Replay, Stamped
 
 Trail = tuple[tuple[int, str], ...]
 

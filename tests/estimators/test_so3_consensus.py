@@ -12,7 +12,7 @@ from scipy.linalg import expm, logm, solve_discrete_lyapunov
 
 from volery import rotations as rot
 from volery.errors import BadInput
-from volery.estimators.so3_consensus import check_step, consensus_step, disagreement, seen_attitude, step_bound
+from volery.estimators.frames.so3_consensus import check_step, consensus_step, disagreement, seen_attitude, step_bound
 from volery.topologies import complete, laplacian, line, neighbours
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from volery.errors import BadInput
-from volery.estimators import RETURN, Trust, judged
+from volery.estimators.attitude.trust import RETURN, Trust, judged
 from volery.randomness import stream
 
 BOUND, SHARE = 0.1, 0.05

@@ -12,10 +12,10 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.estimators.average_consensus import average_consensus
-from volery.estimators.filtering import Filter, Moment, Place
-from volery.estimators.filters import choose_filter
-from volery.estimators.gaussian import Gaussian, Measurement, Step, corrected, measured_information, predict
+from volery.estimators.averages.average_consensus import average_consensus
+from volery.estimators.distributed.filtering import Filter, Moment, Place
+from volery.estimators.distributed.filters import choose_filter
+from volery.estimators.distributed.gaussian import Gaussian, Measurement, Step, corrected, measured_information, predict
 from volery.randomness import stream
 from volery.topologies import agents, natural_key
 

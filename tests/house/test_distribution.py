@@ -38,5 +38,5 @@ def test_wheel_declares_command_and_licence(wheel: Path) -> None:
     """Who installs the wheel gets the command `volery` and the text of the licence."""
     with zipfile.ZipFile(wheel) as archive:
         texts = {name.partition(".dist-info/")[2]: archive.read(name).decode() for name in archive.namelist()}
-    assert "volery = volery.experiments.cli:main" in texts["entry_points.txt"]
+    assert "volery = volery.experiments.cli.app:main" in texts["entry_points.txt"]
     assert "Apache License" in texts["licenses/LICENSE"]

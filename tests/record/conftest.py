@@ -13,7 +13,7 @@ from volery.agents.agent import Agent, Received, Timer
 from volery.agents.journal import Batch, Heard, Sent
 from volery.agents.payloads import decode, encode
 from volery.agents.plan import AgentPlan, Plan
-from volery.experiments.record import Collector, Record
+from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import recorded
 from volery.transport.faults import Fault
 from volery.transport.latencies import Constant

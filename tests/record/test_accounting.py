@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from volery.agents.journal import Batch, Dropped, Late
 from volery.agents.plan import Plan
-from volery.experiments.accounting import LinkAccount, account, total
-from volery.experiments.record import Collector, Record
-from volery.experiments.stories import stories
+from volery.experiments.analysis.accounting import LinkAccount, account, total
+from volery.experiments.record.record import Collector, Record
+from volery.experiments.record.stories import stories
 from volery.transport.faults import Kill, LinkFault, Pause, to_plain
 from volery.transport.latencies import Normal
 from volery.transport.links import LinkSettings, Queue

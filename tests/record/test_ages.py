@@ -11,9 +11,9 @@ import pytest
 
 from volery.agents.journal import Batch, Late
 from volery.agents.plan import Plan
-from volery.experiments.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
-from volery.experiments.record import Record
-from volery.experiments.stories import stories
+from volery.experiments.analysis.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
+from volery.experiments.record.record import Record
+from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli

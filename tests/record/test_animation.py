@@ -19,9 +19,9 @@ from volery.agents.agent import Agent, Timer, View
 from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import WORLD, AgentPlan, Plan
 from volery.errors import BadInput
-from volery.experiments.animation import animate, draw_picture, still
-from volery.experiments.plan_view import Carries, PlanView
-from volery.experiments.record import Record
+from volery.experiments.figures.animation import animate, draw_picture, still
+from volery.experiments.figures.plan_view import Carries, PlanView
+from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
 from volery.worlds.motions import MovingWorld, Paths
 

@@ -10,11 +10,11 @@ import pytest
 
 from volery.agents.journal import Batch, Sent
 from volery.agents.plan import Plan
-from volery.experiments.airtime import airtime_utilisation
-from volery.experiments.channels import Channel, channels
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Collector, Record
-from volery.experiments.stories import stories
+from volery.experiments.analysis.airtime import airtime_utilisation
+from volery.experiments.analysis.channels import Channel, channels
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.record import Collector, Record
+from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, Normal, Uniform
 from volery.transport.links import Bucket, LinkSettings, Queue

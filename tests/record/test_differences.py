@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
 from volery.units import period_ns
 
 TURN = 2 * math.pi

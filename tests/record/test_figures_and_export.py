@@ -18,12 +18,13 @@ from matplotlib.figure import Figure
 from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments import export, figures
-from volery.experiments.accounting import account
-from volery.experiments.ages import age_courses, age_metrics
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
-from volery.experiments.stories import stories
+from volery.experiments.analysis import export
+from volery.experiments.analysis.accounting import account
+from volery.experiments.analysis.ages import age_courses, age_metrics
+from volery.experiments.figures import of_runs as figures
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
+from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

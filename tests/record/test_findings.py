@@ -10,9 +10,9 @@ from rich.console import Console
 
 from volery.agents.agent import Agent, Finding, RunData, Timer
 from volery.agents.plan import Plan
-from volery.experiments.metrics import Metrics, compute_metrics
-from volery.experiments.record import Record
-from volery.experiments.tables import metrics_tables
+from volery.experiments.analysis.metrics import Metrics, compute_metrics
+from volery.experiments.analysis.tables import metrics_tables
+from volery.experiments.record.record import Record
 from volery.units import period_ns
 
 

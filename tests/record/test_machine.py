@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import volery
-from volery.agents.dfa_module import DfaModule
-from volery.experiments.compile import compile_plan
-from volery.experiments.machine import libraries
-from volery.experiments.scenario import load_scenario
+from volery.agents.dfa.module import DfaModule
+from volery.experiments.record.machine import libraries
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.verify import verify
 
 

@@ -16,12 +16,12 @@ from rich.console import Console
 from volery.agents.journal import Batch, Estimate, Late, Sent
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.fault_labels import fault_label
-from volery.experiments.fidelity import Lateness
-from volery.experiments.metrics import Metrics, compute_metrics, contraction
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
-from volery.experiments.tables import metrics_tables
+from volery.experiments.analysis.fidelity import Lateness
+from volery.experiments.analysis.metrics import Metrics, compute_metrics, contraction
+from volery.experiments.analysis.tables import metrics_tables
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
+from volery.experiments.scenario.fault_labels import fault_label
 from volery.transport.faults import ClockFault, Hog, Kill, LinkFault, Pause, SensorFault
 from volery.transport.latencies import Normal
 from volery.transport.losses import Bernoulli, GilbertElliott

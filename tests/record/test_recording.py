@@ -18,9 +18,9 @@ from mcap.reader import make_reader
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.mcap_file import recover
-from volery.experiments.record import Collector, Record, collect
-from volery.experiments.recorder import SCHEMAS, Recorder
+from volery.experiments.record.mcap_file import recover
+from volery.experiments.record.record import Collector, Record, collect
+from volery.experiments.record.recorder import SCHEMAS, Recorder
 from volery.experiments.twin import Twin
 
 MS = 1_000_000

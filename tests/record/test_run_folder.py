@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.compile import compile_plan
-from volery.experiments.export import export
-from volery.experiments.figures import plot
-from volery.experiments.metrics import write_metrics
-from volery.experiments.record import Collector, load
-from volery.experiments.recorder import Recorder
-from volery.experiments.scenario import load_scenario
-from volery.experiments.schema import resolved_yaml
-from volery.experiments.space_time import plot_space_time
+from volery.experiments.analysis.export import export
+from volery.experiments.analysis.metrics import write_metrics
+from volery.experiments.figures.of_runs import plot
+from volery.experiments.figures.space_time import plot_space_time
+from volery.experiments.record.record import Collector, load
+from volery.experiments.record.recorder import Recorder
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.schema import resolved_yaml
 from volery.experiments.twin import Twin
 
 

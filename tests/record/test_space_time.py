@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from volery.agents.journal import Batch, Dropped, Late
 from volery.agents.plan import Plan
 from volery.errors import BadInput
-from volery.experiments.record import Record
-from volery.experiments.space_time import MOST_FRAMES, Window, choose_window, draw_space_time, plot_space_time
-from volery.experiments.stories import stories
+from volery.experiments.figures.space_time import MOST_FRAMES, Window, choose_window, draw_space_time, plot_space_time
+from volery.experiments.record.record import Record
+from volery.experiments.record.stories import stories
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

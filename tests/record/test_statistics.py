@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from volery.errors import BadInput
-from volery.experiments.statistics import holm, mean_interval, paired_test, seeds_needed
+from volery.experiments.analysis.statistics import holm, mean_interval, paired_test, seeds_needed
 
 
 def seeded(values: list[float]) -> dict[int, float]:

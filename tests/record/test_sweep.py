@@ -17,11 +17,11 @@ import pytest
 
 import volery
 from volery.errors import BadInput, RunFailed
-from volery.experiments.statistics import mean_interval
-from volery.experiments.sweep import Advance, SweepOptions, run_sweep
-from volery.experiments.sweep_plan import SweepPlan, plan_sweep
-from volery.experiments.sweep_pools import dask_pool
-from volery.experiments.sweep_results import Journal, Row, Sweep, load_sweep
+from volery.experiments.analysis.statistics import mean_interval
+from volery.experiments.sweeps.plan import SweepPlan, plan_sweep
+from volery.experiments.sweeps.pools import dask_pool
+from volery.experiments.sweeps.results import Journal, Row, Sweep, load_sweep
+from volery.experiments.sweeps.sweep import Advance, SweepOptions, run_sweep
 
 from .sweeping import OVER, SHORT, Counting, planned, swept
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.sweep_axes import Axis, axis_of, grid, random_cells, read_axis, spanned
+from volery.experiments.sweeps.axes import Axis, axis_of, grid, random_cells, read_axis, spanned
 
 
 def labels(word: str) -> list[str]:

@@ -9,18 +9,10 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.sweep_compare import (
-    Entry,
-    check_measure,
-    contests,
-    default_by,
-    defined,
-    entries,
-    main_measure,
-)
-from volery.experiments.sweep_plan import SweepPlan, SweptAxis, SweptCell
-from volery.experiments.sweep_results import Row, Sweep
-from volery.experiments.sweep_tables import contest_table, notes, short_names, to_plain, too_few_seeds
+from volery.experiments.sweeps.compare import Entry, check_measure, contests, default_by, defined, entries, main_measure
+from volery.experiments.sweeps.plan import SweepPlan, SweptAxis, SweptCell
+from volery.experiments.sweeps.results import Row, Sweep
+from volery.experiments.sweeps.tables import contest_table, notes, short_names, to_plain, too_few_seeds
 
 SEEDS = range(10)
 ERROR = "x.oracle_error.steady_rms"

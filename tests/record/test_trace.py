@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from volery.agents.journal import Batch, Dropped, Late
-from volery.experiments.record import Record
-from volery.experiments.trace import FATES, Selection, trace
+from volery.experiments.analysis.trace import FATES, Selection, trace
+from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
 
 MS = 1_000_000

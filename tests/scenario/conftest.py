@@ -8,7 +8,7 @@ from typing import Protocol
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.scenario import Scenario, load_scenario
+from volery.experiments.scenario.load import Scenario, load_scenario
 
 TEXT = """\
 name: example

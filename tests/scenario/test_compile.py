@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.compile import compile_plan
-from volery.experiments.fitting import settings_problems
-from volery.experiments.scenario import Scenario
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.fitting import settings_problems
+from volery.experiments.scenario.load import Scenario
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from volery.errors import BadInput
-from volery.experiments.compile import compile_plan
-from volery.experiments.contradictions import vain_faults
-from volery.experiments.validate import validate_plan, validation_table
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.contradictions import vain_faults
+from volery.experiments.scenario.validate import validate_plan, validation_table
 from volery.transport.faults import SensorFault
 
 from .conftest import Load, Refusal

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from volery.experiments.compile import compile_plan
-from volery.experiments.expansion import entry_of
-from volery.experiments.fault_processes import Every, renewals
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.expansion import entry_of
+from volery.experiments.scenario.fault_processes import Every, renewals
 from volery.transport.faults import Kill, LinkFault
 
 from .conftest import Load, Refusal

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.experiments.expansion import entry_of, parse_fault
-from volery.experiments.fault_places import Places, parse_agents, parse_links
-from volery.experiments.link_schema import LinkFields, link_changes
-from volery.experiments.writing import spelled
+from volery.experiments.scenario.expansion import entry_of, parse_fault
+from volery.experiments.scenario.fault_places import Places, parse_agents, parse_links
+from volery.experiments.scenario.link_schema import LinkFields, link_changes
+from volery.experiments.scenario.writing import spelled
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, from_plain, to_plain
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.scenario import load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.transport.latencies import Normal
 from volery.transport.losses import GilbertElliott
 from volery.transport.media import HalfDuplex, Tdma

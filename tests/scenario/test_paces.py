@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.paces import check_pace
+from volery.experiments.scenario.paces import check_pace
 from volery.transport.csma import Csma
 from volery.transport.faults import Hog, LinkFault
 from volery.transport.media import Aloha, FullDuplex, HalfDuplex

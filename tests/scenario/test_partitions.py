@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.experiments.expansion import parse_fault
-from volery.experiments.fault_places import Places
-from volery.experiments.partitions import crossing, read_partition
+from volery.experiments.scenario.expansion import parse_fault
+from volery.experiments.scenario.fault_places import Places
+from volery.experiments.scenario.partitions import crossing, read_partition
 
 NAMES = [str(number) for number in range(1, 8)]
 COMPLETE = list(combinations(NAMES, 2))

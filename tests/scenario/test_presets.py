@@ -8,9 +8,9 @@ from typing import get_args
 import pytest
 
 from volery.agents.beacon import BeaconParameters
-from volery.experiments.compile import compile_plan
-from volery.experiments.presets import PRESETS, PresetName
-from volery.experiments.scenario import load_scenario
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.presets import PRESETS, PresetName
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings, Queue
 from volery.transport.media import Aloha, HalfDuplex, Tdma

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.compile import compile_plan
-from volery.experiments.link_schema import link_changes
-from volery.experiments.scenario import load_scenario, resolved_yaml
-from volery.experiments.traces import read_trace
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.link_schema import link_changes
+from volery.experiments.scenario.load import load_scenario, resolved_yaml
+from volery.experiments.scenario.traces import read_trace
 from volery.transport.latencies import LatencyTrace
 from volery.transport.losses import Distance, LossTrace
 

@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from volery.errors import BadInput
-from volery.experiments.compile import compile_plan
-from volery.experiments.validate import validate_plan, validation_table
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.validate import validate_plan, validation_table
 
 from .conftest import Load
 

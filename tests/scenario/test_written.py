@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery import units
-from volery.experiments.compile import compile_plan
-from volery.experiments.scenario import (
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import (
     builtin_scenarios,
     json_schema,
     load_scenario,
@@ -19,8 +19,8 @@ from volery.experiments.scenario import (
     resolved_yaml,
     scenario_text,
 )
-from volery.experiments.validate import validate_plan
-from volery.experiments.writing import quantity
+from volery.experiments.scenario.validate import validate_plan
+from volery.experiments.scenario.writing import quantity
 
 from .conftest import Load
 

@@ -13,16 +13,7 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.transport.latencies import Constant, Normal, Uniform
-from volery.transport.links import (
-    CUT,
-    DELIVERED,
-    HALF_DUPLEX,
-    LOST,
-    SHORTEST_TRAVEL_NS,
-    LinkSettings,
-    Queue,
-    fate,
-)
+from volery.transport.links import CUT, DELIVERED, HALF_DUPLEX, LOST, SHORTEST_TRAVEL_NS, LinkSettings, Queue, fate
 from volery.transport.losses import Bernoulli, GilbertElliott
 from volery.transport.media import HalfDuplex, Tdma
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import AgentPlan, Plan, World
-from volery.experiments.record import Record
-from volery.experiments.slots import radio_slots
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.slots import radio_slots
 from volery.experiments.twin import recorded
 from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause

@@ -18,7 +18,7 @@ from volery.agents.beginning import Beginning
 from volery.agents.lockstep import Lockstep
 from volery.agents.node import Node
 from volery.agents.plan import Plan
-from volery.experiments.record import Collector, Record
+from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import Fault, Kill, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
 from volery.transport.media import AIR

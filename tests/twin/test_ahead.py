@@ -11,7 +11,7 @@ import pytest
 
 from volery.agents.agent import Agent
 from volery.agents.plan import Plan, World
-from volery.experiments.record import Collector, Record
+from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.transport.events import HANDLER, NODE, TIME
 from volery.transport.faults import ClockFault

@@ -10,8 +10,8 @@ import pytest
 
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
-from volery.experiments.accounting import account
-from volery.experiments.record import Record
+from volery.experiments.analysis.accounting import account
+from volery.experiments.record.record import Record
 from volery.transport.csma import Csma
 from volery.transport.latencies import Constant
 from volery.transport.links import Bucket, LinkSettings, Queue

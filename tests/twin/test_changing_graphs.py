@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from volery.agents.plan import Plan
-from volery.experiments.compile import compile_plan
-from volery.experiments.record import Record
-from volery.experiments.scenario import load_scenario
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
 S = 1_000_000_000

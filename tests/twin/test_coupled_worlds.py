@@ -15,9 +15,9 @@ from volery.agents.journal import MISSED, Late
 from volery.agents.plan import WORLD, Plan
 from volery.agents.sensing import Disturbances, measured
 from volery.errors import BadInput
-from volery.experiments.metrics import compute_metrics
-from volery.experiments.record import Record
-from volery.experiments.samples import samples
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Kill, LinkFault, Pause, SensorFault
 from volery.transport.frames import Frame

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
-from volery.experiments.record import Record
+from volery.experiments.record.record import Record
 from volery.transport.faults import LinkFault, Pause
 from volery.transport.latencies import Normal, Uniform
 from volery.transport.links import LinkSettings
@@ -29,9 +29,9 @@ OVERRIDES = ("duration=1 s", "links.loss=0.2", "faults=[{at: 300 ms, until: 600 
 PROGRAM = """
 import sys
 from hashlib import sha256
-from volery.experiments.canonical import canonical
-from volery.experiments.record import Collector
-from volery.experiments.scenario import compile_plan, load_scenario
+from volery.experiments.record.canonical import canonical
+from volery.experiments.record.record import Collector
+from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import Twin, recorded
 for _ in range(int(sys.argv[1])):
     plan = compile_plan(load_scenario(sys.argv[2], sys.argv[3:]))

@@ -13,8 +13,8 @@ import pytest
 from volery.agents.agent import Agent
 from volery.agents.journal import Batch
 from volery.agents.plan import Plan
-from volery.experiments.accounting import account
-from volery.experiments.record import Record
+from volery.experiments.analysis.accounting import account
+from volery.experiments.record.record import Record
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Fault, Kill, LinkFault, LinkName, Pause
 from volery.transport.latencies import Constant

@@ -14,8 +14,8 @@ from scipy import stats
 
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
-from volery.experiments.record import Record
-from volery.experiments.slots import radio_slots
+from volery.experiments.record.record import Record
+from volery.experiments.scenario.slots import radio_slots
 from volery.transport.csma import Csma
 from volery.transport.faults import LinkFault, effective
 from volery.transport.latencies import Constant

@@ -10,8 +10,8 @@ import pytest
 
 from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import AgentPlan, Plan, World
-from volery.experiments.accounting import account
-from volery.experiments.record import Collector, Record
+from volery.experiments.analysis.accounting import account
+from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.transport.faults import Fault, Kill, LinkFault, LinkName, Pause
 from volery.transport.latencies import Constant, Normal

@@ -13,16 +13,7 @@ from scipy.integrate import solve_ivp
 
 from volery.errors import BadInput
 from volery.rotations import angle_between, euler_to_quaternion, quaternion_product, quaternion_rate, rotate
-from volery.worlds import (
-    DIRECTIONS,
-    Constant,
-    MeasurementUnit,
-    RigidBody,
-    RigidBodyWorld,
-    Sine,
-    Turning,
-    build,
-)
+from volery.worlds import DIRECTIONS, Constant, MeasurementUnit, RigidBody, RigidBodyWorld, Sine, Turning, build
 
 SECOND = 1_000_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,1 @@
+"""The agent that estimates the altitude from what nodes with sensors tell."""

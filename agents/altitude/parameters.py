@@ -1,0 +1,50 @@
+"""What a scenario may say of the agent that estimates the altitude."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...errors import BadInput
+from ...estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot, Sensor
+from ...estimators.altitude.modular_filter import GroundJumps, ModularFilter, check_names
+from ...units import Hertz, Nanoseconds
+
+
+@dataclass(frozen=True)
+class AltitudeEkfParameters:
+    """Parameters of the estimating agent; the filter is put together from its components.
+
+    rate: estimates per second.
+    history: how far back measurements are kept, so that late ones find their place.
+    imus, barometers, range_finders: name → component. A name is that of the node which sends the measurements; of a
+        node with several sensors it is NODE.1, NODE.2 and so on for those after the first.
+    robot, ground: the two components that every such filter has.
+    jumps: what is made of a ground that jumps.
+    """
+
+    rate: Hertz = 20.0
+    history: Nanoseconds = 500_000_000
+    imus: Mapping[str, Imu] = field(default_factory=dict)
+    barometers: Mapping[str, Barometer] = field(default_factory=dict)
+    range_finders: Mapping[str, RangeFinder] = field(default_factory=dict)
+    robot: Robot = field(default_factory=Robot)
+    ground: Ground = field(default_factory=Ground)
+    jumps: GroundJumps = field(default_factory=GroundJumps)
+
+    def __post_init__(self) -> None:
+        """Check the bounds and the names."""
+        if not 0 < self.rate < math.inf:
+            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        if self.history < 0:
+            raise BadInput(f"history is {self.history} ns, it must be at least 0")
+        check_names([name for name, _ in self.components()])
+
+    def components(self) -> list[tuple[str, Sensor]]:
+        """The sensors' components by name, of one kind after the other."""
+        return [*self.imus.items(), *self.barometers.items(), *self.range_finders.items()]
+
+    def filter(self) -> ModularFilter:
+        """The filter of these components."""
+        return ModularFilter(self.robot, self.ground, self.components(), self.jumps)

@@ -1,0 +1,1 @@
+"""Measurement units that agree on the attitude of their body."""

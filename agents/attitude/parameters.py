@@ -1,0 +1,132 @@
+"""What a scenario may say of a measurement unit, and what such units tell each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ...errors import BadInput
+from ...estimators.attitude.dynamic_consensus import ToldAttitude
+from ...units import Hertz, Nanoseconds, Radians, period_ns
+from .. import payloads
+from ..payloads import DamagedPayload, Precision
+
+COUNTS = 2**16
+"""Samples are counted modulo this on the wire."""
+_SPREAD = 8
+_MOST_DIRECTIONS = 2
+
+Angles = tuple[Radians, Radians, Radians]
+"""Roll, pitch and yaw [rad]."""
+
+
+@dataclass(frozen=True)
+class AttitudeParameters:
+    """Parameters of a measurement unit; the lists of units by name are the same for all of them.
+
+    rate: samples and rounds per second, the rate of the world's sensors.
+    mountings: unit → how its frame stands in that of the body; every unit with a sensor has one.
+    gain: κ of the dynamic consensus.
+    alpha: α of the projections, gamma: γ.
+    initial: attitude of the body to begin with.
+    alone: units outside of the network: they tell nobody, nobody tells them, and their prior is their own.
+    max_age: how many samples old what a neighbour told may be when it is used; each is used at most once.
+    trust: the root mean square residual up to which a sensor is trusted; without it all are, always.
+    forget: time constant of that mean.
+    payload: precision of the numbers in a frame.
+    phase: rounds at common instants, or spread by a phase drawn from the seed.
+    report_own: report the own estimate besides, as `own-attitude`.
+    """
+
+    rate: Hertz = 10.0
+    mountings: Mapping[str | int, Angles] = field(default_factory=dict)
+    gain: float = 1.0
+    alpha: float = 0.2
+    gamma: float = 1.0
+    initial: Angles = (0.0, 0.0, 0.0)
+    alone: tuple[str | int, ...] = ()
+    max_age: int = 1
+    trust: Radians | None = None
+    forget: Nanoseconds = 1_000_000_000
+    payload: Precision = "float32"
+    phase: Literal["aligned", "drawn"] = "drawn"
+    report_own: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        for name, unit in (("rate", " Hz"), ("gain", ""), ("alpha", "")):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise BadInput(f"{name} is {value:g}{unit}, it must be above 0")
+        if not 0.0 < self.gamma < 2.0:
+            raise BadInput(f"gamma is {self.gamma:g}, it must be above 0 and below 2")
+        if not 1 <= self.max_age < COUNTS // 2:
+            raise BadInput(f"max_age is {self.max_age}, it must be from 1 to {COUNTS // 2 - 1} samples")
+        if self.trust is not None and not 0.0 < self.trust <= math.pi:
+            raise BadInput(f"trust is {math.degrees(self.trust):g} deg, it must be above 0 and at most 180 deg")
+        if self.forget * self.rate < 1e9:
+            raise BadInput(
+                f"forget is {self.forget / 1e9:g} s, shorter than from one sample to the next: make it longer"
+            )
+
+    def mounting(self, name: str) -> Angles | None:
+        """How a unit is mounted, as far as it is known."""
+        return next((angles for unit, angles in self.mountings.items() if str(unit) == name), None)
+
+    def is_alone(self, name: str) -> bool:
+        """Whether a unit is outside of the network."""
+        return name in map(str, self.alone)
+
+    @property
+    def step(self) -> float:
+        """κ dt of the dynamic consensus."""
+        return self.gain / self.rate
+
+    @property
+    def share(self) -> float:
+        """Weight of the newest residual in the mean of a sensor's residuals."""
+        return 1e9 / (self.rate * self.forget)
+
+    @property
+    def largest_payload(self) -> int:
+        """Bytes of the longest message."""
+        zeros = ToldAttitude(np.zeros(4), np.zeros(4))
+        return len(Told(COUNTS - 1, _MOST_DIRECTIONS, zeros).encode(self.payload))
+
+    def spread_ns(self) -> int:
+        """Within how long the rounds of the units are spread."""
+        return 0 if self.phase == "aligned" else period_ns(self.rate, 1) // _SPREAD
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a unit tells its neighbours after a sample.
+
+    count: index of the sample, modulo COUNTS. directions: how many its own estimate was learned from.
+    """
+
+    count: int
+    directions: int
+    attitude: ToldAttitude
+
+    def encode(self, precision: Precision) -> bytes:
+        """The payload."""
+        numbers = np.concatenate([self.attitude.estimate, self.attitude.average])
+        return payloads.encode([self.count, self.directions, numbers], precision)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Told:
+        """What was encoded, up to the precision.
+
+        Raises:
+            DamagedPayload: no such payload.
+        """
+        match payloads.decode(payload):
+            case [int(count), int(directions), np.ndarray(shape=(8,)) as numbers]:
+                return cls(count, directions, ToldAttitude(numbers[:4].copy(), numbers[4:].copy()))
+            case _:
+                raise DamagedPayload(f"{len(payload)} bytes that are no attitude: count, directions, 8 numbers")

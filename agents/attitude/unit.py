@@ -1,0 +1,205 @@
+"""Measurement units of a rigid body: each learns an attitude from its sensors, and all agree on one, Betanzos 2024.
+
+After each sample a unit ends a step of the dynamic consensus with what its neighbours told after the sample before,
+takes the average as the prior of its own estimate, and tells both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...estimators.attitude.directions import learned_quaternion
+from ...estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
+from ...estimators.attitude.trust import Trust, judged
+from ...estimators.metrics import attitude_difference
+from ...rotations import conjugate, euler_to_quaternion, mean_quaternion, quaternion_product, rotate
+from ...units import first_period, period_ns
+from ...worlds import DIRECTIONS
+from ..agent import Agent, Context, Finding, Offer, Received, RunData, Sample, Timer
+from ..plan import Plan
+from . import network
+from .inbox import Inbox
+from .network import ALONE, ATTITUDE, OWN
+from .parameters import COUNTS, AttitudeParameters, Told
+
+Floats = NDArray[np.float64]
+
+_DEGREE = 180 / math.pi
+_REFERENCES: Mapping[str, Floats] = {sensor: np.array(direction) for sensor, direction in DIRECTIONS.items()}
+
+
+class AttitudeUnit(Agent):
+    """One unit, in the network or alone. One that comes later listens for up to a second before it begins.
+
+    It reports the attitude of the body as a unit quaternion: in the network the average as `attitude`, alone its own
+    estimate as `attitude-alone`. `messages`, once a second, are how many it has used so far, how many came too late
+    and how many were ahead of its clock.
+    """
+
+    Parameters = AttitudeParameters
+    timers_only = True
+    aside = frozenset({network.MESSAGES})
+
+    parameters: AttitudeParameters
+
+    def __init__(self, context: Context, parameters: AttitudeParameters) -> None:
+        super().__init__(context, parameters)
+        self._alone = parameters.is_alone(context.name)
+        self._mounting = euler_to_quaternion(*(parameters.mounting(context.name) or (0.0, 0.0, 0.0)))
+        self._phase_ns = int(parameters.spread_ns() * context.random("phase").uniform(0))
+        self._seen: dict[str, Floats] = {}
+        self._trust = {sensor: Trust() for sensor in _REFERENCES}
+        self._inbox = Inbox(parameters.max_age)
+        self._state: ToldAttitude | None = None
+
+    def start(self) -> None:
+        """Wait for the next round."""
+        first = first_period(self.parameters.rate, max(0, self.context.now_ns - self._phase_ns))
+        self._listens_until = first + round(self.parameters.rate) if first and not self._alone else first
+        self._wait(first)
+
+    def _wait(self, index: int) -> None:
+        self.context.set_timer(period_ns(self.parameters.rate, index) + self._phase_ns, index=index)
+
+    def on_sample(self, sample: Sample) -> None:
+        """Keep the direction for the round; a sensor that sees nothing, or nothing with a direction, gives none."""
+        norm = 0.0 if sample.value is None else float(np.linalg.norm(sample.value))
+        if sample.value is not None and 0.0 < norm < math.inf:
+            self._seen[sample.sensor] = sample.value / norm
+
+    def on_frame(self, frame: Received) -> None:
+        """Keep it for the round."""
+        self._inbox.put(frame.source, Told.decode(frame.payload))
+
+    def on_timer(self, timer: Timer) -> None:
+        """A round: average, learn, report, tell."""
+        count = timer.index % COUNTS
+        heard = self._inbox.take(count, self._partners)
+        if self._state is None and not heard and timer.index < self._listens_until:
+            self._wait(timer.index + 1)
+            return
+        prior = self._prior(heard)
+        directions, own = self._learned(prior, heard)
+        self._state = ToldAttitude(own, own if self._alone else prior)
+        self._report(timer.index)
+        if not self._alone:
+            payload = Told(count, directions, self._state).encode(self.parameters.payload)
+            for other in self._partners:
+                self.context.send(other, payload, stream="attitude")
+        self._wait(timer.index + 1)
+
+    @property
+    def _partners(self) -> list[str]:
+        """The neighbours of now that are in the network, as it is."""
+        if self._alone:
+            return []
+        return [other for other in self.context.neighbours if not self.parameters.is_alone(other)]
+
+    def _prior(self, heard: Mapping[str, Told]) -> Floats:
+        """The average after one more step, Betanzos 2024, (22); at first the neighbours' mean, or the initial one."""
+        if self._state is None:
+            averages = [told.attitude.average for told in heard.values()]
+            return mean_quaternion(np.array(averages)) if averages else euler_to_quaternion(*self.parameters.initial)
+        if self._alone:
+            return self._state.average
+        received = {source: told.attitude for source, told in heard.items()}
+        return consensus_step(self._state, received, self.parameters.step)
+
+    def _learned(self, prior: Floats, heard: Mapping[str, Told]) -> tuple[int, Floats]:
+        """From how many directions, and what they make of the prior, in the body's frame: (20), (18), (19), (21)."""
+        frame = quaternion_product(prior, self._mounting)
+        sensors = self._usable(frame, heard)
+        observed, references = [self._seen[sensor] for sensor in sensors], [_REFERENCES[sensor] for sensor in sensors]
+        self._seen = {}
+        if not sensors:
+            return 0, prior
+        learned = learned_quaternion(frame, observed, references, self.parameters.alpha, self.parameters.gamma)
+        return len(sensors), quaternion_product(learned, conjugate(self._mounting))
+
+    def _usable(self, frame: Floats, heard: Mapping[str, Told]) -> list[str]:
+        """The sensors that saw something and are trusted; all that did where nobody around has any to trust."""
+        seen = [sensor for sensor in _REFERENCES if sensor in self._seen]
+        bound = self.parameters.trust
+        if bound is None or self._alone:
+            return seen
+        for sensor in seen:
+            expected = rotate(conjugate(frame), _REFERENCES[sensor])
+            before = self._trust[sensor]
+            now = judged(before, _angle(self._seen[sensor], expected), bound, self.parameters.share)
+            if now.trusted != before.trusted:
+                self.context.note("sensor trusted again" if now.trusted else "sensor put aside", sensor=sensor)
+            self._trust[sensor] = now
+        trusted = [sensor for sensor in seen if self._trust[sensor].trusted]
+        return trusted or ([] if any(told.directions for told in heard.values()) else seen)
+
+    def _report(self, index: int) -> None:
+        assert self._state is not None, "a round has made it"
+        self.context.report(ALONE if self._alone else ATTITUDE, self._state.average, index)
+        if self.parameters.report_own and not self._alone:
+            self.context.report(OWN, self._state.estimate, index)
+        if not self._alone and index % max(1, round(self.parameters.rate)) == 0:
+            box = self._inbox
+            self.context.report(network.MESSAGES, [box.used, box.late, box.ahead], index)
+
+    def save(self) -> Any:
+        """The attitudes and the trust in the sensors."""
+        state = None if self._state is None else [self._state.estimate.tolist(), self._state.average.tolist()]
+        return [state, {sensor: [trust.mean_square, trust.trusted] for sensor, trust in self._trust.items()}]
+
+    def restore(self, state: Any) -> None:
+        """Go on from there; what neighbours told before the death is gone."""
+        attitudes, trust = state
+        if attitudes is not None:
+            self._state = ToldAttitude(*(np.array(attitude) for attitude in attitudes))
+        self._trust = {sensor: Trust(*fields) for sensor, fields in trust.items()}
+
+    @classmethod
+    def offers(cls, plan: Plan, name: str) -> Offer:
+        """One frame a sample to each neighbour; nothing where it is alone, or among such."""
+        parameters: AttitudeParameters = plan.agent(name).parameters
+        return Offer(parameters.largest_payload, parameters.rate if network.partners(plan, name) else 0.0)
+
+    @classmethod
+    def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
+        """The attitude that fits best what all sensors of the network say in one sample."""
+        return network.oracle(plan, index) if quantity == ATTITUDE else None
+
+    @classmethod
+    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats | None:
+        """The attitude of the body when the sample was taken."""
+        return network.truth(plan, index)
+
+    @classmethod
+    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
+        """The error of each unit, and its integral."""
+        return network.findings(plan, run)
+
+    @classmethod
+    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """The components of the quaternion."""
+        return tuple((f"$q_{number}$", "", 1.0) for number in range(4))
+
+    @classmethod
+    def difference(cls, quantity: str, estimate: Floats, reference: Floats) -> Floats:
+        """The turn from the reference to the estimate [rad], whose two-norm is the angle between the two."""
+        return attitude_difference(estimate, reference)
+
+    @classmethod
+    def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """Turns about the inertial axes."""
+        return tuple((f"turn about {axis}", "deg", _DEGREE) for axis in ("x", "y", "z"))
+
+    @classmethod
+    def problems(cls, plan: Plan) -> Sequence[str]:
+        """What makes a plan impossible for such units."""
+        return network.problems(plan)
+
+
+def _angle(first: Floats, second: Floats) -> float:
+    """Between two unit vectors [rad]."""
+    return 2.0 * math.atan2(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second)))

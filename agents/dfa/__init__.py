@@ -1,0 +1,1 @@
+"""Modules of the Distributed Flight Array."""

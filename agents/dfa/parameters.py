@@ -1,0 +1,74 @@
+"""What a scenario may say of a flying-array module."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...errors import BadInput
+from ...units import Hertz, period_ns
+from .. import payloads
+from .estimators import CONSENSUS, message_size
+
+COUNTS = 2**16
+"""Samples are counted modulo this on the wire."""
+
+_SYNCHRONOUS_SPREAD = 8
+
+Estimator = Literal[
+    "metropolis-least-squares", "estimate-averaging", "neighbourhood-least-squares", "running-sum", "flow-updating"
+]
+
+
+@dataclass(frozen=True)
+class DfaParameters:
+    """Parameters of a module.
+
+    rate: samples per second, the rate of the world's sensors.
+    rounds: rounds of communication per sample.
+    timing: whether a round waits for its own frames or uses what was heard last.
+    payload: precision of the numbers in a frame.
+    model: whether the estimate of the linearised model is turned into the exact state of the tilted plane.
+    phase: rounds at common instants, or spread by a phase drawn from the seed.
+    hold: keep the first sample, so that consensus runs on one measurement.
+    report_rounds: report the estimate after every round, as `estimate/round`.
+    """
+
+    rate: Hertz = 20.0
+    estimator: Estimator = "metropolis-least-squares"
+    rounds: int = 3
+    timing: Literal["synchronous", "asynchronous"] = "synchronous"
+    payload: payloads.Precision = "float32"
+    model: Literal["linear", "exact"] = "linear"
+    phase: Literal["aligned", "drawn"] = "drawn"
+    hold: bool = False
+    report_rounds: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if not self.rate > 0:
+            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        if self.rounds < 1:
+            raise BadInput(f"rounds is {self.rounds}, at least 1 is needed")
+        if self.timing == "asynchronous" and self.estimator not in CONSENSUS:
+            raise BadInput(f"{self.estimator} starts anew with each sample: it needs timing: synchronous")
+
+    @property
+    def round_rate(self) -> float:
+        """Rounds per second."""
+        return self.rate * self.rounds
+
+    @property
+    def largest_payload(self) -> int:
+        """Bytes of the longest message with the largest counts."""
+        longest = np.zeros(message_size(self.estimator))
+        return len(payloads.encode([COUNTS - 1, self.rounds, longest], self.payload))
+
+    def spread_ns(self) -> int:
+        """Within how long the rounds of the modules are spread: less where they wait for each other."""
+        if self.phase == "aligned":
+            return 0
+        share = _SYNCHRONOUS_SPREAD if self.timing == "synchronous" else 1
+        return period_ns(self.round_rate, 1) // share

@@ -1,0 +1,1 @@
+"""Agents that fuse what they measure by a distributed filter."""

@@ -1,0 +1,59 @@
+"""What a scenario may say of agents that fuse what they measure by a distributed filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from ...errors import BadInput
+from ...estimators.distributed.filters import FilterChoice, choose_filter
+from .. import payloads
+
+COUNTS = 2**16
+"""Samples are counted modulo this on the wire."""
+
+SPREAD = 8
+"""Rounds are spread within this part of a round, so that messages come before the round ends that waits for them."""
+
+
+@dataclass(frozen=True)
+class FusingParameters:
+    """Parameters that all such agents have.
+
+    filter: name of the filter, perhaps with the way to average, as hybrid/chebyshev; or package.module:Class.
+    rounds: rounds of messages per sample.
+    options: numbers that the filter's class takes by name.
+    payload: precision of the numbers in a frame.
+    phase: rounds at common instants, or spread by a phase drawn from the seed.
+    late: whether a message that comes samples too late is run forward to now and used, or dropped.
+    memory: for so many samples the model's steps are remembered, to run late messages forward.
+    """
+
+    filter: str = "hybrid-contributions"
+    rounds: int = 3
+    options: Mapping[str, float] = field(default_factory=dict)
+    payload: payloads.Precision = "float32"
+    phase: Literal["aligned", "drawn"] = "drawn"
+    late: Literal["run-forward", "drop"] = "run-forward"
+    memory: int = 8
+
+    def __post_init__(self) -> None:
+        """Check the bounds, and that there is such a filter."""
+        if self.rounds < 1:
+            raise BadInput(f"rounds is {self.rounds}, at least 1 is needed")
+        if not 1 <= self.memory < COUNTS // 2:
+            raise BadInput(f"memory is {self.memory}, it must be from 1 to {COUNTS // 2 - 1}")
+        if self.payload == "float16":
+            raise BadInput(
+                "payload is float16, in which information of small noises has no room: use float32 or float64"
+            )
+        self.chosen()
+
+    def chosen(self) -> FilterChoice:
+        """The filter.
+
+        Raises:
+            BadInput: no such filter, averaging or option.
+        """
+        return choose_filter(self.filter, self.options)

@@ -1,0 +1,1 @@
+"""Micro aerial vehicles in a formation."""

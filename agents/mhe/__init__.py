@@ -1,0 +1,1 @@
+"""The agent that estimates attitude and altitude by moving horizon."""

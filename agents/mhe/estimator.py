@@ -1,0 +1,245 @@
+"""The agent that estimates attitude and altitude by moving horizon from what its neighbours, nodes with sensors, tell.
+
+A measurement enters the window at the point to which its stamp belongs, however late it comes, as long as the point is
+in the window; one that is lost leaves a gap. The oracle is the same estimator with links that neither lose nor lag.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...rotations import quaternion_to_euler
+from ...units import first_period, period_ns
+from ...worlds import QuadrotorWorld
+from .. import measurements
+from ..agent import Agent, Context, Finding, Received, RunData, Timer
+from ..payloads import DamagedPayload
+from ..plan import Plan
+from ..same_plan import Same
+from ..sensor_node import SensorNodeParameters, own_sensors
+from .parameters import Configuration, MheParameters
+from .track import IN_TIME, LATE, TOO_LATE, Pair, Track, widths
+
+Floats = NDArray[np.float64]
+
+ATTITUDE, ALTITUDE, DISTURBANCE, COUNTS = "attitude", "altitude", "disturbance", "measurements"
+_EKF = " ekf"
+_OUTCOMES = (IN_TIME, LATE, TOO_LATE, "ahead", "refused")
+"""What can become of a measurement; one that is ahead of the own clock is used too, by less than a horizon."""
+
+
+class Mhe(Agent):
+    """The hub of a star of sensor nodes; it never sends."""
+
+    Parameters = MheParameters
+    timers_only = True
+    aside = frozenset({COUNTS, *(f"{DISTURBANCE} {configuration}" for configuration in "AB")})
+
+    parameters: MheParameters
+
+    def __init__(self, context: Context, parameters: MheParameters) -> None:
+        super().__init__(context, parameters)
+        self._first = first_period(parameters.rate, context.now_ns)
+        self._tracks = _tracks(parameters, self._first)
+        self._counts: Counter[str] = Counter()
+        self._bounded = 0
+
+    def start(self) -> None:
+        """The first estimate is of the next point."""
+        self._wait(self._first)
+
+    def _wait(self, point: int) -> None:
+        self.context.set_timer(period_ns(self.parameters.rate, point) + self.parameters.wait, index=point)
+
+    def on_frame(self, frame: Received) -> None:
+        """Write the measurement down at the point nearest to its stamp."""
+        try:
+            measurement = measurements.decode(frame.payload)
+        except DamagedPayload:
+            self._counts["refused"] += 1
+            return
+        sensors = self.parameters.sensors.get(frame.source, ())
+        now_ns, rate = self.context.now_ns, self.parameters.rate
+        point = round(measurement.stamp_ns * rate / 1e9)
+        far = point > now_ns * rate / 1e9 + self.parameters.horizon
+        if far or not _fits(sensors, measurement.sensor, measurement.values):
+            self._counts["refused"] += 1
+            return
+        self._counts["ahead"] += measurement.stamp_ns > now_ns
+        outcomes = [
+            track.put(sensors[measurement.sensor], point, measurement.values) for track in self._tracks.values()
+        ]
+        self._counts[next(outcome for outcome in (*outcomes, "refused") if outcome is not None)] += 1
+
+    def on_timer(self, timer: Timer) -> None:
+        """Estimate this point."""
+        for configuration, track in self._tracks.items():
+            pair = track.estimate(timer.index)
+            self._bounded += pair.window.bounded
+            for quantity, value in reported(configuration, pair):
+                self.context.report(quantity, value, timer.index)
+        counts = [self._counts[outcome] for outcome in _OUTCOMES]
+        self.context.report(COUNTS, [*counts, self._bounded], timer.index)
+        self._wait(timer.index + 1)
+
+    def save(self) -> Any:
+        """Windows, filters and counts."""
+        return [[track.save() for track in self._tracks.values()], dict(self._counts), self._bounded]
+
+    def restore(self, state: Any) -> None:
+        """Go on from there; the time in between is a gap."""
+        tracks, counts, self._bounded = state
+        self._counts = Counter(counts)
+        for track, saved in zip(self._tracks.values(), tracks, strict=True):
+            track.restore(saved)
+
+    @classmethod
+    def sends_per_second(cls, parameters: MheParameters) -> float:
+        """It only listens."""
+        return 0.0
+
+    @classmethod
+    def libraries(cls, parameters: MheParameters) -> Sequence[str]:
+        """What solves its quadratic programs."""
+        return (parameters.solver,)
+
+    @classmethod
+    def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
+        """What the same window says that has every measurement in time; of the filter, what the filter then says."""
+        return _courses(Same(plan)).get(quantity, {}).get(index)
+
+    @classmethod
+    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats | None:
+        """Roll, pitch and yaw, or the altitude, at the point's instant."""
+        if not isinstance(plan.world, QuadrotorWorld):
+            return None
+        state = plan.world.truth(period_ns(_parameters(plan).rate, index))
+        if quantity.startswith(ATTITUDE):
+            return quaternion_to_euler(state[:4])
+        return np.array([-state[7]]) if quantity.startswith(ALTITUDE) else None
+
+    @classmethod
+    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
+        """How many measurements were of use, and how often a bound was active."""
+        return [
+            Finding(f"{agent}: {name}", float(value))
+            for agent, series in (run.estimates(COUNTS) if COUNTS in run.quantities() else {}).items()
+            for name, value in zip(_count_names(), series.value[-1], strict=True)
+        ]
+
+    @classmethod
+    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """Milliradians and metres."""
+        if quantity.startswith(ATTITUDE):
+            return tuple((angle, "mrad", 1000.0) for angle in ("roll", "pitch", "yaw"))
+        if quantity.startswith(ALTITUDE):
+            return (("altitude", "m", 1.0),)
+        return tuple((name, "", 1.0) for name in _count_names()) if quantity == COUNTS else ()
+
+    @classmethod
+    def problems(cls, plan: Plan) -> Sequence[str]:
+        """Sensors that no node has, nodes that are not heard, samples between the points."""
+        hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, MheParameters)]
+        if len(hubs) > 1:
+            return [f"agents {', '.join(hubs)} are mhe: a scenario has one, with sensor nodes around it"]
+        return [*own_sensors(plan, hubs[0]), *_unheard(plan, hubs[0]), *_misfits(plan, hubs[0])]
+
+
+def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Floats]]:
+    """Quantity → value of one point: attitude (3,) [rad], altitude (1,) [m] in A, oldest disturbance of the window."""
+    for suffix, state in (("", pair.window.state), (_EKF, pair.filtered)):
+        yield f"{ATTITUDE} {configuration}{suffix}", quaternion_to_euler(state[:4])
+        if configuration == "A":
+            yield f"{ALTITUDE} {configuration}{suffix}", -state[7:8]
+    if len(pair.window.disturbances):
+        yield f"{DISTURBANCE} {configuration}", pair.window.disturbances[0]
+
+
+def _tracks(parameters: MheParameters, first: int) -> dict[Configuration, Track]:
+    return {configuration: Track(parameters, configuration, first) for configuration in parameters.configurations}
+
+
+def _fits(sensors: Sequence[str], number: int, values: Floats) -> bool:
+    known = 0 <= number < len(sensors) and widths(sensors)[number] == values.size
+    return known and bool(np.isfinite(values).all())
+
+
+def _count_names() -> tuple[str, ...]:
+    return (*(f"measurements {outcome}" for outcome in _OUTCOMES), "windows with an active bound")
+
+
+def _parameters(plan: Plan) -> MheParameters:
+    return next(agent.parameters for agent in plan.agents if isinstance(agent.parameters, MheParameters))
+
+
+def _told(plan: Plan, node: str) -> tuple[str, ...]:
+    """The sensors that a node tells of, in the order of their numbers on the wire; none where it is no sensor node."""
+    parameters = plan.agent(node).parameters
+    if not isinstance(parameters, SensorNodeParameters) or plan.world is None:
+        return ()
+    return parameters.sensors or tuple(plan.world.sensors(node))
+
+
+def _unheard(plan: Plan, hub: str) -> Iterator[str]:
+    listed = _parameters(plan).sensors
+    for node in plan.agent(hub).neighbours:
+        if node not in listed and (told := _told(plan, node)):
+            has = ", ".join(told)
+            yield f"what {node} measures would be refused: add {node}: [{has}] to sensors of {hub}, or remove the node"
+
+
+def _misfits(plan: Plan, hub: str) -> Iterator[str]:
+    parameters = _parameters(plan)
+    for node, listed in parameters.sensors.items():
+        if node not in plan.agent(hub).neighbours:
+            near = ", ".join(plan.agent(hub).neighbours)
+            yield f"sensors of {hub} name {node}, which is no neighbour of it; its neighbours are {near}"
+            continue
+        rates, told = {} if plan.world is None else plan.world.sensors(node), _told(plan, node)
+        if tuple(listed) != told:
+            yield (
+                f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it tells of [{', '.join(told)}]: "
+                "write the same in the same order"
+            )
+        for sensor, rate in rates.items():
+            if sensor in listed and not (parameters.rate / rate).is_integer():
+                yield (
+                    f"{node}.{sensor} has {rate:g} samples a second, which do not fall on the {parameters.rate:g} "
+                    f"points a second of {hub}: choose a rate that divides it"
+                )
+
+
+@lru_cache(maxsize=2)
+def _courses(same: Same) -> dict[str, dict[int, Floats]]:
+    """Quantity → point → what is estimated when every sample comes in time."""
+    plan, parameters = same.plan, _parameters(same.plan)
+    assert plan.world is not None
+    tracks = _tracks(parameters, 0)
+    courses: dict[str, dict[int, Floats]] = {}
+    for point in range(first_period(parameters.rate, plan.duration_ns)):
+        for node, sensor, index in _samples(plan, parameters, point):
+            value = plan.measure(node, sensor, index)
+            for track in tracks.values() if value is not None else ():
+                assert value is not None
+                track.put(sensor, point, value)
+        for configuration, track in tracks.items():
+            for quantity, value in reported(configuration, track.estimate(point)):
+                courses.setdefault(quantity, {})[point] = value
+    return courses
+
+
+def _samples(plan: Plan, parameters: MheParameters, point: int) -> Iterator[tuple[str, str, int]]:
+    """Node, sensor and index of the samples that are taken at a point."""
+    assert plan.world is not None
+    for node, sensors in parameters.sensors.items():
+        rates = plan.world.sensors(node)
+        for sensor in sensors:
+            each = round(parameters.rate / rates[sensor])
+            if point % each == 0:
+                yield node, sensor, point // each

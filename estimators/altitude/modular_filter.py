@@ -1,0 +1,293 @@
+"""An extended Kalman filter put together from components, after Bavle 2017: any number of sensors of any kind.
+
+The state vector is that of the robot, then of the ground, then of each sensor in the order given. Prediction is to any
+instant, on demand and before each measurement. Letters: P covariance, H Jacobian of a measurement, S covariance of the
+innovation ν, K gain, R variances of the noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.linalg import lapack
+
+from ...errors import BadInput
+from ...units import Metres
+from .components import ROBOT_STATES, Blocks, Component, Floats, Ground, Robot, Sensor, State
+
+Variant = Literal["as_printed", "gate", "gate_and_floor"]
+GROUND = ROBOT_STATES
+"""Place of the ground's height in the state vector."""
+_NANOSECOND = 1e-9
+_LOST = 1.0
+
+
+@dataclass(frozen=True)
+class GroundJumps:
+    """What the filter makes of a ground that jumps, which a walk cannot follow; none of it is in the paper.
+
+    variant: `as_printed` trusts every innovation; with `gate` one of a sensor that sees the ground and lies over `gate`
+        standard deviations is a jump of the ground, whose variance grows by `jump`² before the update, so that the jump
+        goes into the ground and not into the altitude. `gate_and_floor` also takes the ground for the floor where that
+        is plausible: its estimate is within `level` of 0 and within `gate` standard deviations; it is then measured to
+        be 0 with the deviation `floor_noise`.
+    """
+
+    variant: Variant = "gate_and_floor"
+    gate: float = 4.0
+    jump: Metres = 1.0
+    level: Metres = 0.15
+    floor_noise: Metres = 0.02
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        for name in ("gate", "jump", "level", "floor_noise"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise BadInput(f"{name} is {getattr(self, name):g}, it must be above 0")
+
+
+class Belief(NamedTuple):
+    """Mean (n,) and covariance (n, n) of the state at an instant, and how many jumps of the ground were seen so far."""
+
+    time_ns: int
+    mean: Floats
+    covariance: Floats
+    jumps: int = 0
+
+    @property
+    def altitude(self) -> float:
+        """Of the vehicle over the floor [m]."""
+        return float(self.mean[0])
+
+    @property
+    def ground(self) -> float:
+        """Height of the surface below it [m]."""
+        return float(self.mean[GROUND])
+
+    def deviation(self, state: int) -> float:
+        """Standard deviation of one state, in its unit."""
+        return math.sqrt(self.covariance[state, state])
+
+
+class ModularFilter:
+    """The filter.
+
+    Args:
+        robot, ground: the two components that every such filter has.
+        sensors: pairs of a name and a component; the name is that of its measurements.
+        jumps: what is made of a ground that jumps.
+    Raises:
+        BadInput: no sensor at all, or two components of one name.
+    """
+
+    def __init__(self, robot: Robot, ground: Ground, sensors: Sequence[tuple[str, Sensor]], jumps: GroundJumps) -> None:
+        check_names([name for name, _ in sensors])
+        parts: list[tuple[str, Component]] = [("", robot), ("", ground), *sensors]
+        self._parts: list[tuple[Component, slice]] = []
+        states: list[State] = []
+        for name, part in parts:
+            own = part.states()
+            self._parts.append((part, slice(len(states), len(states) + len(own))))
+            states += [state._replace(name=f"{state.name} of {name}" if name else state.name) for state in own]
+        self._sensors = {
+            name: (sensor, place, sensor.variances())
+            for (name, sensor), (_, place) in zip(sensors, self._parts[2:], strict=True)
+        }
+        self._states = tuple(states)
+        self._jumps = jumps
+        self._walks = np.square([state.walk for state in states])
+        self._identity = np.eye(len(states))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states, in order; a sensor's own ones as "barometer bias of NAME"."""
+        return tuple(state.name for state in self._states)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Whose measurements it takes."""
+        return tuple(self._sensors)
+
+    def size(self, name: str) -> int:
+        """How many values a sensor measures.
+
+        Raises:
+            BadInput: there is no such sensor.
+        """
+        return len(self._of(name)[2])
+
+    def start(self, time_ns: int = 0, *, lost: bool = False) -> Belief:
+        """What is believed before any measurement; `lost`: altitude and ground are known to a metre only."""
+        mean = np.array([state.start for state in self._states])
+        deviations = np.array([state.deviation for state in self._states])
+        if lost:
+            deviations[[0, GROUND]] = _LOST
+        return Belief(time_ns, mean, np.diag(deviations**2))
+
+    def predict(self, belief: Belief, time_ns: int) -> Belief:
+        """What is believed of an instant that is not before that of the belief, without a measurement.
+
+        x⁻ = f(x, dt), P⁻ = F P Fᵀ + T         Bavle 2017, (1); T holds walk²·dt of each state
+
+        Raises:
+            BadInput: an instant before that of the belief.
+        """
+        if time_ns <= belief.time_ns:
+            if time_ns < belief.time_ns:
+                raise BadInput(f"prediction to {time_ns} ns from {belief.time_ns} ns: time does not run back")
+            return belief
+        dt = (time_ns - belief.time_ns) * _NANOSECOND
+        mean, jacobian = self.transition(belief.mean, dt)
+        covariance: Floats = jacobian @ belief.covariance @ jacobian.T
+        _diagonal(covariance)[:] += self._walks * dt
+        return Belief(time_ns, mean, _symmetric(covariance), belief.jumps)
+
+    def transition(self, mean: Floats, dt: float) -> tuple[Floats, Floats]:
+        """The state after dt [s] without noise, and its Jacobian F (n, n)."""
+        after, jacobian = mean.copy(), self._identity.copy()
+        for part, place in self._parts:
+            part.move(after[place], jacobian[place, place], dt)
+        return after, jacobian
+
+    def expected(self, name: str, mean: Floats) -> tuple[Floats, Floats]:
+        """What a sensor would measure without noise (m,), and its Jacobian H (m, n).
+
+        Raises:
+            BadInput: there is no such sensor.
+        """
+        sensor, place, variances = self._of(name)
+        jacobian = np.zeros((len(variances), len(mean)))
+        blocks = Blocks(jacobian[:, :ROBOT_STATES], jacobian[:, GROUND], jacobian[:, place])
+        return sensor.expected(mean[:ROBOT_STATES], mean[GROUND], mean[place], blocks), jacobian
+
+    def update(self, belief: Belief, name: str, values: Floats) -> Belief:
+        """What is believed after a measurement that was taken at the belief's instant.
+
+        ν = z − h(x), S = H P Hᵀ + R, K = P Hᵀ S⁻¹, x⁺ = x + K ν, P⁺ = P − K H P         Bavle 2017, (3)–(7)
+
+        Args:
+            belief: before it.
+            name: of the sensor.
+            values: shape (m,), in the sensor's units.
+        Raises:
+            BadInput: there is no such sensor, it measures another number of values, or one that is not finite.
+        """
+        sensor, _, variances = self._of(name)
+        if values.shape != variances.shape:
+            raise BadInput(f"measurement of {name} has shape {values.shape}: give {variances.shape}")
+        predicted, jacobian = self.expected(name, belief.mean)
+        innovation: Floats = values - predicted
+        if not math.isfinite(innovation.sum()):
+            raise BadInput(f"measurement of {name} holds a value that is not finite: {values.tolist()}")
+        if not sensor.sees_ground or self._jumps.variant == "as_printed":
+            return _corrected(belief, jacobian, innovation, variances)
+        belief = _corrected(self._gated(belief, jacobian, innovation, variances), jacobian, innovation, variances)
+        return self._floored(belief) if self._jumps.variant == "gate_and_floor" else belief
+
+    def take(self, belief: Belief, time_ns: int, name: str, values: Floats) -> Belief:
+        """Prediction to the instant of a measurement, and the update."""
+        return self.update(self.predict(belief, time_ns), name, values)
+
+    def _gated(self, belief: Belief, jacobian: Floats, innovation: Floats, variances: Floats) -> Belief:
+        """The belief with a ground that may be anywhere, if the innovation is over the gate: νᵀ S⁻¹ ν > gate²."""
+        spread = jacobian @ belief.covariance @ jacobian.T
+        _diagonal(spread)[:] += variances
+        if innovation @ _solved(spread, innovation) <= self._jumps.gate**2:
+            return belief
+        covariance = belief.covariance.copy()
+        covariance[GROUND, GROUND] += self._jumps.jump**2
+        return belief._replace(covariance=covariance, jumps=belief.jumps + 1)
+
+    def _floored(self, belief: Belief) -> Belief:
+        """The belief with the ground measured to be the floor, if that is plausible."""
+        jumps, height = self._jumps, float(belief.mean[GROUND])
+        variance = float(belief.covariance[GROUND, GROUND]) + jumps.floor_noise**2
+        if abs(height) > jumps.level or height**2 > jumps.gate**2 * variance:
+            return belief
+        return _corrected_by_one(belief, belief.covariance[GROUND], -height, variance)
+
+    def _of(self, name: str) -> tuple[Sensor, slice, Floats]:
+        if name not in self._sensors:
+            raise BadInput(f"the filter has no component {name!r}: it has {', '.join(self._sensors)}")
+        return self._sensors[name]
+
+
+def _corrected(belief: Belief, jacobian: Floats, innovation: Floats, variances: Floats) -> Belief:
+    if len(variances) == 1:
+        row = jacobian[0]
+        crossed = belief.covariance @ row
+        return _corrected_by_one(belief, crossed, float(innovation[0]), float(row @ crossed) + float(variances[0]))
+    crossed = belief.covariance @ jacobian.T
+    spread = jacobian @ crossed
+    _diagonal(spread)[:] += variances
+    gain = _solved(spread, crossed.T).T
+    mean: Floats = belief.mean + gain @ innovation
+    covariance: Floats = belief.covariance - gain @ crossed.T
+    return Belief(belief.time_ns, mean, _symmetric(covariance), belief.jumps)
+
+
+def _corrected_by_one(belief: Belief, crossed: Floats, innovation: float, variance: float) -> Belief:
+    """The same for one value: P Hᵀ is a vector, S a number, and what is taken from P is symmetric as it stands."""
+    spread = math.sqrt(variance)
+    part = crossed / spread
+    mean: Floats = belief.mean + part * (innovation / spread)
+    covariance: Floats = belief.covariance - part[:, np.newaxis] * part
+    return Belief(belief.time_ns, mean, covariance, belief.jumps)
+
+
+def _solved(matrix: Floats, right: Floats) -> Floats:
+    """The solution of a system with a symmetric, positive definite matrix; the matrix is overwritten."""
+    _, solution, failed = lapack.dposv(matrix, right, overwrite_a=1)
+    assert not failed, "a covariance of innovations is positive definite"
+    result: Floats = solution
+    return result
+
+
+def _diagonal(matrix: Floats) -> Floats:
+    """A view of the diagonal of a fresh matrix."""
+    return matrix.ravel()[:: len(matrix) + 1]
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    halves: Floats = (matrix + matrix.T) * 0.5
+    return halves
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Refuse a filter of components with these names.
+
+    Raises:
+        BadInput: no sensor at all, or two of one name.
+    """
+    if not names:
+        raise BadInput("a filter without any sensor estimates nothing: add an imu, a barometer or a range finder")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BadInput(f"component {', '.join(twice)} is named twice: each sensor has one component")
+
+
+def unobservable(of: ModularFilter, mean: Floats, tolerance: float = 1e-6) -> Floats:
+    """The directions of the state that no measurement ever shows, linearised at a state.
+
+    The null space of H, HF, HF², … with H of all sensors and F over one second.
+
+    Args:
+        of: the filter.
+        mean: the state, (n,), where H and F are taken; with a ground above 0 the clamp (19) is idle.
+        tolerance: of singular values, relative to the largest.
+    Returns:
+        An orthonormal basis, (n, number of directions); the largest entry of each is positive.
+    """
+    _, F = of.transition(mean, 1.0)
+    H = np.vstack([of.expected(name, mean)[1] for name in of.sensors])
+    rows = [H]
+    for _ in range(len(mean) - 1):
+        rows.append(rows[-1] @ F)
+    stacked = np.vstack(rows)
+    _, sizes, directions = np.linalg.svd(stacked / np.linalg.norm(stacked, axis=1, keepdims=True))
+    null = directions[int((sizes > tolerance * sizes[0]).sum()) :]
+    return np.array([row * np.sign(row[np.argmax(np.abs(row))]) for row in null]).T.reshape(len(mean), -1)

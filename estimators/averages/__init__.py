@@ -1,0 +1,1 @@
+"""Laws of average consensus: what agents tell their neighbours until all know the mean."""

@@ -1,0 +1,103 @@
+"""Filters by name: those that are built in, and `package.module:Class` for one of a user's own.
+
+A name may be followed by the way to average beneath it, as in `consensus-on-measurements/running-sum`; without one it
+is Metropolis averaging.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+
+from ...errors import BadInput
+from ..averages.average_consensus import AVERAGINGS
+from .consensus_filters import (
+    ConsensusOnInformation,
+    ConsensusOnMeasurements,
+    Hybrid,
+    HybridContributions,
+    InformationWeighted,
+)
+from .covariance_intersection import CovarianceIntersection
+from .diffusion import DiffusionFilter
+from .event_triggered import EventTriggered
+from .filtering import Filter, LocalFilter, Place
+from .gaussian import Gaussian
+from .kalman_consensus import KalmanConsensus2007, KalmanConsensus2009
+
+FILTERS: Mapping[str, type[Filter]] = MappingProxyType(
+    {
+        "local": LocalFilter,
+        "kalman-consensus-2007": KalmanConsensus2007,
+        "kalman-consensus-2009": KalmanConsensus2009,
+        "diffusion": DiffusionFilter,
+        "consensus-on-measurements": ConsensusOnMeasurements,
+        "consensus-on-information": ConsensusOnInformation,
+        "hybrid": Hybrid,
+        "hybrid-contributions": HybridContributions,
+        "information-weighted": InformationWeighted,
+        "covariance-intersection": CovarianceIntersection,
+        "event-triggered": EventTriggered,
+    }
+)
+
+
+@dataclass(frozen=True)
+class FilterChoice:
+    """A filter, the way to average beneath it, and its options."""
+
+    kind: type[Filter]
+    averaging: str
+    options: Mapping[str, float]
+
+    def make(self, place: Place, prior: Gaussian) -> Filter:
+        """The filter of one agent.
+
+        Raises:
+            BadInput: an option out of its bounds.
+        """
+        return self.kind(place, prior, **self.options)
+
+
+def choose_filter(name: str, options: Mapping[str, float] | None = None) -> FilterChoice:
+    """What a name such as `hybrid`, `hybrid/chebyshev` or `my_module:MyFilter` stands for.
+
+    Args:
+        name: the filter, perhaps with the way to average.
+        options: numbers that the filter's class takes by name.
+    Raises:
+        BadInput: no such filter, averaging or option; the message says which there are.
+    """
+    first, slash, averaging = name.partition("/")
+    if slash and averaging not in AVERAGINGS:
+        raise BadInput(f"filter {name!r}: averaging {averaging!r} is not known: use {', '.join(AVERAGINGS)}")
+    kind = _find(first)
+    known = [one.name for one in inspect.signature(kind).parameters.values() if one.kind is one.KEYWORD_ONLY]
+    given = dict(options or {})
+    for option in given:
+        if option not in known:
+            raise BadInput(f"filter {first} has no option {option!r}: it has {', '.join(known) or 'none'}")
+    return FilterChoice(kind, averaging or AVERAGINGS[0], given)
+
+
+@cache
+def _find(name: str) -> type[Filter]:
+    if name in FILTERS:
+        return FILTERS[name]
+    module, colon, attribute = name.partition(":")
+    if not colon:
+        near = difflib.get_close_matches(name, FILTERS, 1)
+        hint = f"did you mean {near[0]}?" if near else f"use {', '.join(FILTERS)}, or package.module:Class"
+        raise BadInput(f"filter {name!r} is not known: {hint}")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise BadInput(f"filter {name!r} cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Filter)):
+        raise BadInput(f"filter {name!r} is {found!r}, no subclass of volery.estimators.distributed.filtering.Filter")
+    return found

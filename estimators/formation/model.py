@@ -1,0 +1,230 @@
+"""Formation of point masses in relative coordinates: its dynamics, its noises and what a measured pair says of it.
+
+Vehicles are numbered 0 … N−1, in the natural order of their names, and r_i = p_i − p_{i+1}, with i from 0 to N−2.
+Outside, the state is the paper's x = [r_0, v_0, r_1, v_1, …], shape (6(N−1),) [m, m/s]. Inside, the filters hold all
+positions before all velocities, [r_0, r_1, …, v_0, v_1, …], the *split* order: there, the transition acts on two
+halves, and a pair is a sum over neighbouring rows. Nobody but the filters sees it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import BadInput
+from ..checks import as_array
+
+Pair = tuple[int, int]
+"""(i, j): what is measured is p_i − p_j."""
+
+NANOSECOND = 1e-9
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a step does, in split order.
+
+    model: of the formation.
+    duration_s: its length [s].
+    input_map: B, shape (6(N−1), 3N).
+    process_noise: Q, shape (6(N−1), 6(N−1)), in Fortran's order.
+    """
+
+    model: FormationModel
+    duration_s: float
+    input_map: NDArray[np.float64]
+    process_noise: NDArray[np.float64]
+
+    @cached_property
+    def noise_root(self) -> NDArray[np.float64]:
+        """G with G Gᵀ = Q, shape (6(N−1), 6N)."""
+        return self.model.noise_root(self.duration_s)[self.model.split_order]
+
+
+class Rows(NamedTuple):
+    """What a measurement sees of the state, H = E ⊗ I₃, in split order, read only.
+
+    whole: H, shape (k, 6(N−1)).
+    chains: Eᵀ, shape (2(N−1), k/3), in Fortran's order.
+    """
+
+    whole: NDArray[np.float64]
+    chains: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FormationModel:
+    """N vehicles as point masses, moved by forces that are held over a step and by accelerations that nobody knows.
+
+    r̈_i = F_i/m − F_{i+1}/m,  x⁺ = A x + B u            Nägeli 2014, (4)
+    An unknown acceleration, white from step to step, alike on all axes and independent between vehicles, gives r_i
+    twice the variance W of one vehicle and makes r_i and r_{i+1} correlated by −W, as both have vehicle i+1 in them: Q
+    = D ⊗ W with D tridiagonal (−1, 2, −1).
+
+    vehicles: N ≥ 2.
+    step_ns: the step over which an unknown acceleration lasts, that of the camera [ns].
+    mass_kg: m, of each vehicle.
+    acceleration_noise: its standard deviation per step, vehicle and axis [m/s²].
+    """
+
+    vehicles: int
+    step_ns: int = 33_333_333
+    mass_kg: float = 0.45
+    acceleration_noise: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if self.vehicles < 2:
+            raise BadInput(f"a formation of {self.vehicles} has no relative positions: give 2 vehicles or more")
+        for what, value in (("step_ns", self.step_ns), ("mass_kg", self.mass_kg)):
+            if not (np.isfinite(value) and value > 0):
+                raise BadInput(f"{what} of a formation is {value:g}: give a finite number above 0")
+        if not (np.isfinite(self.acceleration_noise) and self.acceleration_noise > 0):
+            raise BadInput(f"acceleration_noise is {self.acceleration_noise:g} m/s²: give a finite number above 0")
+
+    @property
+    def size(self) -> int:
+        """Length of the state, 6(N−1)."""
+        return 6 * (self.vehicles - 1)
+
+    @cached_property
+    def split_order(self) -> NDArray[np.intp]:
+        """Where each entry of the split order stands in the paper's: x_split = x[split_order]."""
+        return np.arange(self.size).reshape(self.vehicles - 1, 2, 3).transpose(1, 0, 2).ravel()
+
+    @cached_property
+    def paper_order(self) -> NDArray[np.intp]:
+        """Where each entry of the paper's order stands in the split one: x = x_split[paper_order]."""
+        return np.argsort(self.split_order)
+
+    def reference(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """The state of a formation at rest at these positions, shape (N, 3) [m]; only their differences count.
+
+        Raises:
+            BadInput: wrong shape, or not finite.
+        """
+        places = as_array(positions, (self.vehicles, 3), "positions of a formation")
+        relative = places[:-1] - places[1:]
+        return np.hstack([relative, np.zeros_like(relative)]).ravel()
+
+    def noise_of(self, duration_s: float) -> tuple[float, float, float]:
+        """Variances (position, cross, velocity) [m², m²/s, m²/s²] on one axis of a vehicle after d steps.
+
+        With σ the noise per step, h its length and d = duration/h, real:
+        velocity σ²h² d, cross σ²h³ d²/2, position σ²h⁴ (d³/3 − d/12), which for whole d is exactly the sum over d
+        steps; below one step, where the unknown acceleration is one and the same, position σ²h⁴ d³/4.
+        """
+        step_s = self.step_ns * NANOSECOND
+        steps = duration_s / step_s
+        scale = (self.acceleration_noise * step_s) ** 2
+        position = steps**3 / 4 if steps <= 1 else steps**3 / 3 - steps / 12
+        return scale * step_s**2 * position, scale * step_s * steps**2 / 2, scale * steps
+
+    @cached_property
+    def _steps(self) -> Callable[[int], Step]:
+        return lru_cache(maxsize=64)(partial(_step, self))
+
+    @cached_property
+    def pair(self) -> FormationModel:
+        """The model of two of the vehicles: that of what is told of a pair."""
+        return replace(self, vehicles=2)
+
+    @cached_property
+    def _coupling(self) -> NDArray[np.float64]:
+        coupling: NDArray[Any] = np.kron(np.eye(self.vehicles - 1), np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(3)))
+        return coupling
+
+    @cached_property
+    def _noise_parts(self) -> tuple[NDArray[np.float64], ...]:
+        shared = _incidence(self.vehicles) @ _incidence(self.vehicles).T
+        parts = ([[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]])
+        return tuple(np.kron(np.kron(shared, part), np.eye(3)) for part in parts)
+
+    def step(self, duration_ns: int) -> Step:
+        """What a step of this duration does; those asked for lately are kept, for all models that are equal."""
+        return self._steps(duration_ns)
+
+    def transition(self, duration_s: float) -> NDArray[np.float64]:
+        """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do without."""
+        return np.eye(self.size) + duration_s * self._coupling
+
+    def input_map(self, duration_s: float) -> NDArray[np.float64]:
+        """B of Nägeli 2014, Sec. II-B, dense, (6(N−1), 3N) [m/N, m/(N·s)]; its rows sum to zero over the vehicles."""
+        per_force = np.array([[duration_s**2 / 2], [duration_s]]) / self.mass_kg
+        return np.kron(np.kron(_incidence(self.vehicles), per_force), np.eye(3))
+
+    def process_noise(self, duration_s: float) -> NDArray[np.float64]:
+        """Q, dense, block tridiagonal, shape (6(N−1), 6(N−1)) [m², m²/s, m²/s²]."""
+        position, cross, velocity = self.noise_of(duration_s)
+        on_position, on_both, on_velocity = self._noise_parts
+        return position * on_position + cross * on_both + velocity * on_velocity
+
+    def noise_root(self, duration_s: float) -> NDArray[np.float64]:
+        """G with G Gᵀ = Q: what each vehicle's own two noises do to the state, shape (6(N−1), 6N) [m, m/s]."""
+        position, cross, velocity = self.noise_of(duration_s)
+        deviation = velocity**0.5
+        shared = cross / deviation if duration_s else 0.0
+        own: list[list[float]] = [[shared, max(position - shared**2, 0.0) ** 0.5], [deviation, 0.0]]
+        root: NDArray[Any] = np.kron(np.kron(_incidence(self.vehicles), np.array(own)), np.eye(3))
+        return root
+
+    def output_map(self, pairs: Sequence[Pair], *, velocities: bool = False) -> NDArray[np.float64]:
+        """C, or H where velocities are told too, of Nägeli 2014, Sec. II-B, dense, rows in the order of the pairs.
+
+        Returns:
+            Shape (3m, 6(N−1)), or (6m, 6(N−1)): position, then velocity, of each of the m pairs.
+        Raises:
+            BadInput: a pair of vehicles that do not exist, or of one with itself.
+        """
+        return rows(self.vehicles, tuple(pairs), velocities).whole[:, self.paper_order]
+
+
+def check_pair(vehicles: int, pair: Pair) -> None:
+    """Refuse a pair of vehicles that do not exist, or of one with itself.
+
+    Raises:
+        BadInput: with the pair and the vehicles that there are.
+    """
+    i, j = pair
+    if not (0 <= i < vehicles and 0 <= j < vehicles) or i == j:
+        raise BadInput(f"({i}, {j}) is no pair here: give two different vehicles of 0 … {vehicles - 1}")
+
+
+@lru_cache(maxsize=1024)
+def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> Rows:
+    """C, or H where velocities are told too, of m pairs, k = 3m or 6m.
+
+    p_i − p_j = r_i + … + r_{j−1} for i < j, and its negative for i > j.
+
+    Raises:
+        BadInput: a pair of vehicles that do not exist, or of one with itself.
+    """
+    told = 2 if velocities else 1
+    chains = np.zeros((len(pairs), told, 2, vehicles - 1))
+    for chain, (i, j) in zip(chains, pairs, strict=True):
+        check_pair(vehicles, (i, j))
+        for half in range(told):
+            chain[half, half, min(i, j) : max(i, j)] = 1.0 if i < j else -1.0
+    flat = chains.reshape(told * len(pairs), -1)
+    whole: NDArray[Any] = np.kron(flat, np.eye(3))
+    found = Rows(whole, flat.T)
+    for array in found:
+        array.setflags(write=False)
+    return found
+
+
+def _incidence(vehicles: int) -> NDArray[np.float64]:
+    """Rows e_i − e_{i+1}, shape (N−1, N)."""
+    return np.eye(vehicles)[:-1] - np.eye(vehicles)[1:]
+
+
+@lru_cache(maxsize=64)
+def _step(model: FormationModel, duration_ns: int) -> Step:
+    seconds, order = duration_ns * NANOSECOND, model.split_order
+    noise = np.asfortranarray(model.process_noise(seconds)[np.ix_(order, order)])
+    return Step(model, seconds, model.input_map(seconds)[order], noise)

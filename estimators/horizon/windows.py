@@ -1,0 +1,141 @@
+"""A window of a linearised model as one least-squares problem, condensed to its first state and its disturbances.
+
+Letters: n steps; N errors of the state, M disturbances, R measured values a point; A, B, C Jacobians; d defects; w
+disturbances, σ their deviations; δ errors about the reference; ξ, η the whitened unknowns, D = N + n M of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from ...errors import RunFailed
+from .quadratic_programs import QuadraticProgram, Solver, solve
+
+Floats = NDArray[np.float64]
+
+_AT_A_BOUND = 1e-9
+"""A bound counts as kept to this much of a standard deviation, or of a state's own unit."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """n steps between n + 1 points, about a reference.
+
+    δ(m+1) = A δ(m) + d + B (w(m) − w̃(m)), residual(m) = C δ(m) + noise            Bassolillo 2025, (22)–(23)
+
+    A (n, N, N), B (n, N, M), defects (n, N): the model from one reference point less the next one. C (n+1, R, N),
+    residuals (n+1, R), weights (n+1, R): one over the deviation of the noise, 0 for what was not measured.
+    mean (N,), factor (N, N): the prior of the first error, whose covariance is factor factorᵀ.
+    reference (n, M): w̃. deviations (n, M). bounds (n, M): |w| is at most this. lower, upper (n+1, N): of the errors.
+    """
+
+    A: Floats
+    B: Floats
+    defects: Floats
+    C: Floats
+    residuals: Floats
+    weights: Floats
+    mean: Floats
+    factor: Floats
+    reference: Floats
+    deviations: Floats
+    bounds: Floats
+    lower: Floats
+    upper: Floats
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """errors δ (n+1, N), disturbances w (n, M), covariance of the last error (N, N), and whether a bound was active."""
+
+    errors: Floats
+    disturbances: Floats
+    covariance: Floats
+    bounded: bool
+
+
+def smooth(window: Window, solver: Solver = "daqp") -> Smoothed:
+    """The errors and disturbances of least cost within their bounds.
+
+    ‖δ(0) − mean‖² / P + Σ ‖w(m)‖² / Q + Σ ‖residual(m) − C δ(m)‖² / R   Bassolillo 2025, (24)–(29), errata
+
+    P, Q and R are the covariances of the prior, of w and of the noise. The unknowns are whitened, δ(0) = mean +
+    factor ξ and w = σ η, so that the Hessian is 1 plus a square and no covariance is inverted. The minimum without
+    bounds, a Cholesky solve, is the fixed-interval smoother; only where that breaks a bound is the quadratic program
+    solved. The covariance is that without bounds.
+
+    Raises:
+        RunFailed: the Hessian is not positive definite, or the solver found nothing.
+    """
+    maps, offsets = _condensed(window)
+    program = _program(window, maps, offsets)
+    lower_triangle, failed = lapack.dpotrf(program.hessian, lower=1, clean=0)
+    if failed:
+        size = maps.shape[2]
+        raise RunFailed(f"the Hessian of a window with {size} unknowns is not positive definite, at pivot {failed}")
+    unknowns, _ = lapack.dpotrs(lower_triangle, -program.gradient, lower=1)
+    bounded = _breaks(program, unknowns)
+    if bounded:
+        unknowns = solve(program, solver)
+    spread, _ = lapack.dtrtrs(lower_triangle, maps[-1].T, lower=1)
+    errors = maps @ unknowns + offsets
+    return Smoothed(errors, _disturbances(window, unknowns), spread.T @ spread, bounded)
+
+
+def _condensed(window: Window) -> tuple[Floats, Floats]:
+    """Maps S (n+1, N, D) and offsets c (n+1, N) with δ(m) = S (ξ, η) + c."""
+    n, N, M = window.B.shape
+    maps, offsets = np.zeros((n + 1, N, N + n * M)), np.empty((n + 1, N))
+    maps[0, :, :N], offsets[0] = window.factor, window.mean
+    gains = window.B * window.deviations[:, np.newaxis, :]
+    drifts = window.defects - (window.B @ window.reference[:, :, np.newaxis])[:, :, 0]
+    for m in range(n):
+        known = N + m * M
+        np.matmul(window.A[m], maps[m, :, :known], out=maps[m + 1, :, :known])
+        maps[m + 1, :, known : known + M] = gains[m]
+        offsets[m + 1] = window.A[m] @ offsets[m] + drifts[m]
+    return maps, offsets
+
+
+def program_of(window: Window) -> QuadraticProgram:
+    """The window as a quadratic program in its whitened unknowns (ξ, η), (D,)."""
+    return _program(window, *_condensed(window))
+
+
+def _program(window: Window, maps: Floats, offsets: Floats) -> QuadraticProgram:
+    """Squares of what the measurements miss and of the unknowns; bounds on η, a row for each bounded error."""
+    N, size = maps.shape[1:]
+    seen = ((window.weights[:, :, np.newaxis] * window.C) @ maps).reshape(-1, size)
+    misses = (window.weights * (window.residuals - (window.C @ offsets[:, :, np.newaxis])[:, :, 0])).ravel()
+    hessian = seen.T @ seen
+    hessian.flat[:: size + 1] += 1.0
+    limits = np.concatenate([np.full(N, np.inf), (window.bounds / window.deviations).ravel()])
+    limited = np.isfinite(window.lower) | np.isfinite(window.upper)
+    return QuadraticProgram(
+        hessian,
+        -(seen.T @ misses),
+        -limits,
+        limits,
+        maps[limited],
+        (window.lower - offsets)[limited],
+        (window.upper - offsets)[limited],
+    )
+
+
+def _breaks(program: QuadraticProgram, unknowns: Floats) -> bool:
+    values = program.rows @ unknowns
+    return bool(
+        (unknowns < program.lower - _AT_A_BOUND).any()
+        or (unknowns > program.upper + _AT_A_BOUND).any()
+        or (values < program.low - _AT_A_BOUND).any()
+        or (values > program.high + _AT_A_BOUND).any()
+    )
+
+
+def _disturbances(window: Window, unknowns: Floats) -> Floats:
+    scaled: Floats = window.deviations * unknowns[window.factor.shape[0] :].reshape(window.deviations.shape)
+    return scaled

@@ -1,0 +1,236 @@
+"""What each link was asked to do to its frames, and what it did: the emulation held to its scenario.
+
+The settings are read at the start of each transmission, as the link itself does. What is compared is what the sender
+decided: what a half-duplex or shared medium did to a frame at its receiver is nobody's setting.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from typing import NamedTuple
+
+from ...transport.faults import LinkFault, LinkName, effective
+from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
+from ...transport.losses import expected_loss, loss_stages, loss_variance
+from ...transport.media import on_air
+from ...transport.stages import Surroundings
+from ..record.record import Record
+from ..record.stories import Story
+from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
+
+_Place = Callable[[int], Surroundings]
+_ROUNDING_NS = 1.0
+_BY_CHANCE = 4
+"""Comparisons of a link that chance has a part in: loss, corruption, duplication, latency."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Asked against got on one link, over the `frames` that it put on the air.
+
+    `loss`: fraction that the loss models lose, of frames sent while the link was not cut. `corruption`: of those not
+    lost. `duplication`: of those that are intact. `latency`: mean time from the last bit out to due [ns], duplicates
+    left out; not comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for
+    each frame, and no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the
+    bucket's rate gives in that span, on a radio by all of its links.
+    """
+
+    frames: int
+    loss: Comparison
+    corruption: Comparison
+    duplication: Comparison
+    latency: Comparison
+    rate: Comparison
+    burst: Comparison
+
+    def comparisons(self) -> dict[str, Comparison]:
+        """Each of them by name."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, Comparison)}
+
+
+class LinkCourse:
+    """The settings of one link through a run."""
+
+    def __init__(self, record: Record, link: LinkName) -> None:
+        faults = [fault for fault in record.faults if isinstance(fault, LinkFault) and link in fault.links]
+        ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
+        self._changes = sorted({0, *(fault.at_ns for fault in faults), *ends})
+        base = record.plan.links[link]
+        self._settings = [effective(base, link, faults, change) for change in self._changes]
+
+    def at(self, time_ns: int) -> LinkSettings:
+        """Those that hold at an instant."""
+        return self._settings[bisect_right(self._changes, time_ns) - 1]
+
+    def released_ns(self, due_ns: int) -> int | None:
+        """When a frame that is due comes: at once, or when the link lets go of what it holds; None for never."""
+        later = range(bisect_right(self._changes, due_ns) - 1, len(self._changes))
+        free = next((index for index in later if not self._settings[index].hold), None)
+        return None if free is None else max(due_ns, self._changes[free])
+
+
+class _Transmission(NamedTuple):
+    """A frame on the air, or its duplicate, with the settings that it met."""
+
+    incarnation: int
+    sequence: int
+    copy: int
+    size: int
+    start_ns: int
+    airtime_ns: int
+    due_ns: int
+    verdict: str
+    settings: LinkSettings
+
+    @property
+    def draw(self) -> int:
+        """Index of the draws that decided about it."""
+        return self.settings.draw_index(self.sequence, self.start_ns)
+
+
+def channels(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dict[LinkName, Channel]:
+    """Compare each link of a run with its settings."""
+    alpha = significance(_BY_CHANCE * len(stories))
+    sent = {link: list(_transmissions(LinkCourse(record, link), mine)) for link, mine in stories.items()}
+    radios: dict[str, dict[tuple[int, int], _Transmission]] = {}
+    for (source, target), mine in sent.items():
+        if on_air(record.plan.links[source, target].medium):
+            radios.setdefault(source, {}).update({(frame.incarnation, frame.start_ns): frame for frame in mine})
+    return {link: _channel(mine, radios.get(link[0], {}), _place(record, link), alpha) for link, mine in sent.items()}
+
+
+def _place(record: Record, link: LinkName) -> _Place:
+    """The surroundings of a link's stages in each life of its source."""
+    plan, (source, target) = record.plan, link
+
+    def distance_m(time_ns: int) -> float:
+        return plan.distance_m(source, target, time_ns)
+
+    return lambda incarnation: Surroundings.of(plan.seed, source, target, incarnation, distance_m)
+
+
+def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:
+    """Of the frames that had the same draws, as those of one slot of a paired channel have, the first."""
+    first: dict[tuple[LinkSettings, int], tuple[int, int]] = {}
+    for frame in sent:
+        if frame.settings.paired is not None:
+            first.setdefault((frame.settings, frame.draw), (frame.incarnation, frame.sequence))
+    return [
+        frame
+        for frame in sent
+        if frame.settings.paired is None or first[frame.settings, frame.draw] == (frame.incarnation, frame.sequence)
+    ]
+
+
+def _transmissions(course: LinkCourse, frames: Sequence[Story]) -> Iterator[_Transmission]:
+    for frame in frames:
+        size, start, airtime, due, verdict = frame.size, frame.start_ns, frame.airtime_ns, frame.due_ns, frame.verdict
+        if size is None or start is None or airtime is None or due is None or verdict is None:
+            continue
+        settings = course.at(start)
+        yield _Transmission(frame.incarnation, frame.sequence, frame.copy, size, start, airtime, due, verdict, settings)
+
+
+def _channel(
+    sent: Sequence[_Transmission], radio: Mapping[tuple[int, int], _Transmission], place: _Place, alpha: float
+) -> Channel:
+    """Compare one link; `radio`: what the radio that it goes over transmitted, by incarnation and start."""
+    ordered = sorted(sent, key=lambda frame: (frame.incarnation, frame.start_ns))
+    originals = [frame for frame in ordered if not frame.copy]
+    apart = _drawn_apart(ordered)
+    uncut = [frame for frame in apart if frame.verdict != CUT and not frame.copy]
+    kept = [frame for frame in uncut if frame.verdict != LOST]
+    intact = [frame for frame in kept if frame.verdict != CORRUPT]
+    return Channel(
+        frames=len(originals),
+        loss=_swallowed(uncut, place, "loss", LOST, alpha),
+        corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
+        duplication=_duplication(intact, sum(frame.copy for frame in apart), alpha),
+        latency=_latency(apart, alpha),
+        rate=_rate(originals),
+        burst=_burst([radio[key] for key in sorted(radio)] if radio else originals),
+    )
+
+
+def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdict: str, alpha: float) -> Comparison:
+    """Frames that the models of a field swallow; the models begin anew where they change and with each life."""
+    expected: list[float] = []
+    variance = 0.0
+    for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
+        stretch = list(group)
+        stages = loss_stages(models, place(life), "" if verdict == LOST else field)
+        mine = [expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch]
+        expected += mine
+        variance += loss_variance(models, [(frame.draw, frame.start_ns) for frame in stretch], mine)
+    return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
+
+
+def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> Comparison:
+    expected = [frame.settings.duplication for frame in intact]
+    return compare_fraction(expected, copies, math.fsum(p * (1 - p) for p in expected), alpha)
+
+
+def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
+    asked, got = [], []
+    held_up, last_due, life, inflation = False, -1, 0, 1.0
+    for frame in sent:
+        if frame.incarnation != life:
+            last_due, life = -1, frame.incarnation
+        held_up |= not frame.settings.reordering and frame.due_ns == last_due
+        last_due = max(last_due, frame.due_ns)
+        if not frame.copy:
+            model = frame.settings.latency
+            inflation = max(inflation, model.variance_inflation)
+            asked.append(model.expected_ns(frame.start_ns + frame.airtime_ns))
+            got.append(frame.due_ns - frame.start_ns - frame.airtime_ns)
+    found = compare_mean(asked, got, inflation, alpha, _ROUNDING_NS)
+    if held_up and found.decision != "within":
+        return replace(found, decision="not comparable")
+    return found
+
+
+def _rate(frames: Sequence[_Transmission]) -> Comparison:
+    asked = [frame.settings.airtime_ns(frame.size) for frame in frames]
+    if not any(asked) and not any(frame.airtime_ns for frame in frames):
+        return NOTHING
+    bits = sum(frame.settings.bits(frame.size) for frame, airtime in zip(frames, asked, strict=True) if airtime)
+
+    def rate(airtimes: Sequence[float]) -> float:
+        return bits * NANOSECONDS / total if (total := sum(airtimes)) else math.nan
+
+    found = compare_all(asked, [frame.airtime_ns for frame in frames], rate)
+    lives = (list(life) for _, life in groupby(frames, lambda frame: frame.incarnation))
+    pairs = (pair for life in lives for pair in pairwise(life))
+    if any(later.start_ns < earlier.start_ns + earlier.airtime_ns for earlier, later in pairs):
+        return replace(found, decision="outside")
+    return found
+
+
+def _burst(frames: Sequence[_Transmission]) -> Comparison:
+    """Of the spans in which a bucket was in force, the one in which most of its burst was used."""
+    found = NOTHING
+    for (_, bucket), stretch in groupby(frames, lambda frame: (frame.incarnation, frame.settings.bucket)):
+        if bucket is None:
+            continue
+        mine = list(stretch)
+        asked = float(max(bucket.burst * mine[0].settings.bits_per_byte, mine[0].settings.bits(mine[0].size)))
+        got = _excess(mine, bucket.rate)
+        if found.decision == "nothing" or got / asked > found.got / found.asked:
+            found = Comparison(len(mine), asked, got, 0.0, asked, "within" if got <= asked + 1 else "outside")
+    return found
+
+
+def _excess(frames: Sequence[_Transmission], rate: float) -> float:
+    """The largest Σ bits − rate · span over all spans from one start to another [bit]."""
+    sent = most = 0.0
+    least = math.inf
+    for frame in frames:
+        given = rate * frame.start_ns / NANOSECONDS
+        least = min(least, sent - given)
+        sent += frame.settings.bits(frame.size)
+        most = max(most, sent - given - least)
+    return most

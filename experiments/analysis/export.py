@@ -1,0 +1,135 @@
+"""Runs as tables for other programs: one row for each component of each estimate, one row for each frame."""
+
+from __future__ import annotations
+
+import csv
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...errors import BadInput
+from ..record.record import Record, load
+from ..record.samples import references
+from ..record.stories import Story, stories
+from .metrics import component_labels
+
+Format = Literal["csv", "parquet", "npz"]
+FORMATS: tuple[Format, ...] = ("csv", "parquet", "npz")
+ESTIMATE_COLUMNS = {
+    "agent": "VARCHAR",
+    "time_ns": "BIGINT",
+    "quantity": "VARCHAR",
+    "sample": "BIGINT",
+    "component": "BIGINT",
+    "name": "VARCHAR",
+    "value": "DOUBLE",
+    "oracle": "DOUBLE",
+    "truth": "DOUBLE",
+}
+_TEXT_FIELDS = {"source", "target", "verdict", "fate"}
+FRAME_COLUMNS = {
+    field: "VARCHAR" if field in _TEXT_FIELDS else "BOOLEAN" if field == "contradicted" else "BIGINT"
+    for field in Story._fields
+}
+TABLES = {"estimates": ESTIMATE_COLUMNS, "frames": FRAME_COLUMNS}
+
+
+def export(folder: Path, format: Format, out: Path | None = None) -> list[Path]:  # noqa: A002 - the field's word
+    """Write the run in a folder as tables; the paths of the files, in `out` or else the run's `export`.
+
+    csv and parquet: estimates and frames, a file each. Values are in the agents' units, empty cells are what is not
+    known, floats read back exactly. npz: run.npz, see `arrays`.
+
+    Raises:
+        BadInput: no such format, or no run.
+    """
+    return write(load(folder), format, out or folder / "export")
+
+
+def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A002 - as above
+    """Write a record as tables into a folder; the paths of the files.
+
+    Raises:
+        BadInput: no such format.
+    """
+    if format not in FORMATS:
+        raise BadInput(f"export format {format!r} is not known: one of {', '.join(FORMATS)}")
+    out.mkdir(parents=True, exist_ok=True)
+    if format == "npz":
+        np.savez_compressed(out / "run.npz", allow_pickle=False, **arrays(record))
+        return [out / "run.npz"]
+    rows = {"estimates": estimate_rows(record), "frames": frame_rows(record)}
+    paths = [out / f"{name}.{format}" for name in TABLES]
+    for (name, columns), path in zip(TABLES.items(), paths, strict=True):
+        if format == "csv":
+            _write_csv(path, columns, rows[name])
+        else:
+            write_parquet(path, columns, rows[name])
+    return paths
+
+
+def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
+    """One row for each component of each estimate, in the order of ESTIMATE_COLUMNS."""
+    for quantity in record.quantities():
+        all_series = record.estimates(quantity)
+        beside = references(record, quantity, all_series)
+        for agent, series in all_series.items():
+            oracles, truths = beside[agent]
+            labels = component_labels(record, quantity, series.value.shape[1])
+            for row, (time_ns, sample) in enumerate(zip(series.time_ns.tolist(), series.sample.tolist(), strict=True)):
+                for component, (name, _, _) in enumerate(labels):
+                    numbers = (float(values[row, component]) for values in (series.value, oracles, truths))
+                    yield agent, time_ns, quantity, sample, component, name, *numbers
+
+
+def frame_rows(record: Record) -> Iterator[tuple[Any, ...]]:
+    """One row for each offered frame with its whole story, in the order of FRAME_COLUMNS."""
+    for frames in stories(record).values():
+        yield from frames
+
+
+def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
+    """Flat arrays of a run.
+
+    "<quantity>.agent" (n,) text, ".time_ns" and ".sample" (n,) int64, ".value", ".oracle" and ".truth" (n, k) float64;
+    "frames.<field>" (m,) for each field of a story: text, −1 for a number that is not known.
+    """
+    found: dict[str, np.ndarray[Any, Any]] = {}
+    for quantity in record.quantities():
+        series = record.estimates(quantity)
+        beside = references(record, quantity, series)
+        found[f"{quantity}.agent"] = np.repeat(list(series), [len(mine.sample) for mine in series.values()])
+        for name in ("time_ns", "sample", "value"):
+            found[f"{quantity}.{name}"] = np.concatenate([getattr(mine, name) for mine in series.values()])
+        for number, name in enumerate(("oracle", "truth")):
+            found[f"{quantity}.{name}"] = np.concatenate([beside[agent][number] for agent in series])
+    frames = list(frame_rows(record))
+    for number, (field, kind) in enumerate(FRAME_COLUMNS.items()):
+        missing: Any = "" if kind == "VARCHAR" else -1
+        values = [missing if frame[number] is None else frame[number] for frame in frames]
+        found[f"frames.{field}"] = np.array(values, dtype={"VARCHAR": str, "BIGINT": np.int64, "BOOLEAN": bool}[kind])
+    return found
+
+
+def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[tuple[Any, ...]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def write_parquet(path: Path, columns: dict[str, str], rows: Iterable[tuple[Any, ...]]) -> None:
+    """Write rows as Parquet, None for what is missing.
+
+    Through CSV, the one way into duckdb that keeps NaN apart from what is missing.
+    """
+    import duckdb
+
+    with tempfile.TemporaryDirectory() as private, duckdb.connect() as database:
+        source = Path(private) / "rows.csv"
+        _write_csv(source, columns, rows)
+        table = database.read_csv(str(source), header=True, columns=columns)
+        table.write_parquet(str(path), compression="zstd")

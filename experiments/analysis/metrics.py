@@ -1,0 +1,355 @@
+"""Metrics of a run: how well the agents estimated, how they came through the faults, what the links did.
+
+Errors of a whole estimate are two-norms in the agents' own units; components are given apart, each in its unit. What is
+not defined, such as the error to an oracle that does not exist, is NaN here and null in metrics.json.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...agents.agent import Agent, Finding
+from ...agents.registry import find
+from ...estimators import metrics as measures
+from ...topologies import natural_key
+from ...transport.faults import Fault
+from ...transport.links import NANOSECONDS
+from ..record.record import Record, load
+from ..record.samples import Samples, samples
+from ..record.stories import stories
+from ..scenario.fault_labels import fault_label
+from .accounting import LinkAccount, link_account
+from .ages import AgeMetrics, age_courses, age_metrics
+from .airtime import airtime_utilisation
+from .channels import Channel, channels
+from .fidelity import Fidelity, judge
+
+FILE_NAME = "metrics.json"
+STEADY_FRACTION = 0.25
+"""The last part of the run that counts as its steady state."""
+CONVERGED_FACTOR = 2.0
+"""An error has converged where it stays within this many times its steady-state rms, unless a threshold is given."""
+RECOVERED_FACTOR = 3.0
+"""An error has recovered where it stays within this many times its median of the second before the fault."""
+ROUNDS = "/round"
+"""Quantities whose name ends so hold the state after each round of one consensus: their contraction is measured."""
+_ROUNDING = 1e-9
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Course:
+    """An error through the run: rms and maximum over the agents for each sample, (T,); time_ns (T,) ascending."""
+
+    time_ns: NDArray[np.int64]
+    rms: Floats
+    maximum: Floats
+
+
+@dataclass(frozen=True)
+class ErrorMetrics:
+    """One error of one quantity, in the agents' units.
+
+    `steady_rms`: over agents and samples of the steady state; `final`: largest of the last sample; `convergence_s`:
+    when it comes to stay within `threshold`; `ise`: integral of the squared rms over time in seconds.
+    """
+
+    steady_rms: float
+    final: float
+    threshold: float
+    convergence_s: float
+    ise: float
+
+
+@dataclass(frozen=True)
+class ComponentMetrics:
+    """Steady-state rms of one component, in its unit."""
+
+    name: str
+    unit: str
+    oracle_rms: float
+    truth_rms: float
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """How long after the end of a fault, or after its start if it never ends, an error came to stay within `threshold`.
+
+    `of` says which error. NaN: it did not before the next fault or the end, or there was none in the second before.
+    """
+
+    fault: str
+    label: str
+    of: str
+    threshold: float
+    recovery_s: float
+
+
+@dataclass(frozen=True)
+class QuantityMetrics:
+    """All about one reported quantity."""
+
+    agents: int
+    samples: int
+    disagreement: ErrorMetrics
+    oracle_error: ErrorMetrics
+    truth_error: ErrorMetrics
+    components: tuple[ComponentMetrics, ...]
+    recoveries: tuple[Recovery, ...]
+    contraction: float
+
+
+@dataclass(frozen=True)
+class ProcessMetrics:
+    """What a process used, and how late its timers were: median, 99th percentile and largest; none in the twin."""
+
+    cpu_s: float
+    memory_kb: int
+    lateness_ns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LinkMetrics:
+    """One directed link."""
+
+    account: LinkAccount
+    closes: bool
+    channel: Channel
+    age: AgeMetrics
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """All metrics of a run; links by name, "3>7".
+
+    `wall_s`: how long it took by the clock, NaN where nobody wrote it down. `airtime`: medium → its utilisation.
+    `findings`: what the kinds of agents have to say, and how often what was noted.
+    """
+
+    name: str
+    seconds: float
+    wall_s: float
+    recovered: bool
+    quantities: Mapping[str, QuantityMetrics]
+    links: Mapping[str, LinkMetrics]
+    airtime: Mapping[str, float]
+    processes: Mapping[str, ProcessMetrics]
+    findings: tuple[Finding, ...]
+    fidelity: Fidelity
+
+    @property
+    def times_real_time(self) -> float:
+        """Nominal seconds in a second of the clock; NaN where that is not known."""
+        return self.seconds / self.wall_s if self.wall_s > 0 else math.nan
+
+    def to_json(self) -> str:
+        """JSON, null for what is not defined."""
+        return json.dumps(_defined(asdict(self)), indent=1, allow_nan=False)
+
+
+def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
+    """All metrics of a run.
+
+    Args:
+        record: the run.
+        threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
+    """
+    frames = stories(record)
+    asked = channels(record, frames)
+    ages = age_courses(record, frames)
+    links = {}
+    for link, mine in frames.items():
+        one = link_account(mine, record.last_ns)
+        links[">".join(link)] = LinkMetrics(one, one.closes, asked[link], age_metrics(ages[link]))
+    return Metrics(
+        name=record.plan.name,
+        seconds=record.last_ns / NANOSECONDS,
+        wall_s=record.info.get("wall_s", math.nan),
+        recovered=record.recovered,
+        quantities={quantity: _quantity(record, quantity, threshold) for quantity in record.compared()},
+        links=links,
+        airtime=airtime_utilisation(record, frames),
+        processes=_processes(record),
+        findings=tuple(_findings(record)),
+        fidelity=judge(
+            record, [one.account for one in links.values()], {name: one.channel for name, one in links.items()}
+        ),
+    )
+
+
+def write_metrics(folder: Path, threshold: float | None = None) -> Metrics:
+    """Compute the metrics of the run in a folder and leave them there as metrics.json."""
+    metrics = compute_metrics(load(folder), threshold)
+    (folder / FILE_NAME).write_text(metrics.to_json() + "\n", "utf-8")
+    return metrics
+
+
+def courses(seen: Samples) -> dict[str, Course]:
+    """Name of an error → its course: "disagreement", "error to oracle", "error to truth"."""
+    return {
+        "disagreement": Course(seen.time_ns, seen.disagreement, seen.disagreement),
+        "error to oracle": _course(seen.time_ns, seen.oracle_error),
+        "error to truth": _course(seen.time_ns, seen.truth_error),
+    }
+
+
+def _course(time_ns: NDArray[np.int64], errors: Floats) -> Course:
+    known = ~np.isnan(errors)
+    some = known.any(axis=1)
+    most = np.where(some, np.where(known, errors, -np.inf).max(axis=1), np.nan)
+    return Course(time_ns, _rms(errors, axis=1), most)
+
+
+def _rms(errors: Floats, axis: int | None = None) -> Floats:
+    """Root mean square of what is known along an axis; NaN where nothing is."""
+    known = ~np.isnan(errors)
+    count = known.sum(axis=axis)
+    mean = np.where(known, errors, 0.0) ** 2
+    return np.where(count > 0, np.sqrt(mean.sum(axis=axis) / np.maximum(count, 1)), np.nan)
+
+
+def _quantity(record: Record, quantity: str, threshold: float | None) -> QuantityMetrics:
+    seen = samples(record, quantity)
+    all_courses = courses(seen)
+    steady = seen.time_ns >= (1.0 - STEADY_FRACTION) * record.last_ns
+    metrics = {name: _error_metrics(course, steady, threshold) for name, course in all_courses.items()}
+    return QuantityMetrics(
+        agents=len(seen.agents),
+        samples=len(seen.time_ns),
+        disagreement=metrics["disagreement"],
+        oracle_error=metrics["error to oracle"],
+        truth_error=metrics["error to truth"],
+        components=_components(record, quantity, seen, steady),
+        recoveries=_recoveries(record, all_courses),
+        contraction=contraction(seen) if quantity.endswith(ROUNDS) else math.nan,
+    )
+
+
+def _error_metrics(course: Course, steady: NDArray[np.bool_], threshold: float | None) -> ErrorMetrics:
+    steady_rms = float(_rms(course.rms[steady]))
+    bound = CONVERGED_FACTOR * steady_rms if threshold is None else threshold
+    converged = None if math.isnan(bound) else measures.convergence_time(course.time_ns, course.rms, bound)
+    known = ~np.isnan(course.rms)
+    return ErrorMetrics(
+        steady_rms=steady_rms,
+        final=float(course.maximum[-1]),
+        threshold=bound,
+        convergence_s=_seconds(converged),
+        ise=measures.integrated_square_error(course.time_ns[known], course.rms[known]) if known.any() else math.nan,
+    )
+
+
+def component_labels(record: Record, quantity: str, count: int) -> list[tuple[str, str, float]]:
+    """Name, unit and factor to that unit of each component, numbered where the agents do not name them."""
+    return _named(_kind(record, quantity).labels(quantity), quantity, count)
+
+
+def _kind(record: Record, quantity: str) -> type[Agent]:
+    """The kind of those who report a quantity."""
+    return find(record.plan.agent(next(iter(record.estimates(quantity)))).kind)
+
+
+def _named(labels: Sequence[tuple[str, str, float]], quantity: str, count: int) -> list[tuple[str, str, float]]:
+    return list(labels) or [(f"{quantity} [{number}]" if count > 1 else quantity, "", 1.0) for number in range(count)]
+
+
+def _components(
+    record: Record, quantity: str, seen: Samples, steady: NDArray[np.bool_]
+) -> tuple[ComponentMetrics, ...]:
+    to_oracle, to_truth = (seen.apart(seen.estimate, reference)[steady] for reference in (seen.oracle, seen.truth))
+    labels = _named(_kind(record, quantity).difference_labels(quantity), quantity, to_truth.shape[2])
+    return tuple(
+        ComponentMetrics(name, unit, *(float(_rms(apart[:, :, number])) * factor for apart in (to_oracle, to_truth)))
+        for number, (name, unit, factor) in enumerate(labels)
+    )
+
+
+def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Recovery, ...]:
+    of = "disagreement" if np.isnan(all_courses["error to oracle"].rms).all() else "error to oracle"
+    course = all_courses[of]
+    found = []
+    starts = [fault.at_ns for fault in record.faults_that_held]
+    for fault in record.faults_that_held:
+        following = starts[bisect_right(starts, fault.at_ns) :][:1]
+        threshold, recovery = _recovery(course, fault, following[0] if following else None)
+        label = fault_label(fault, len(record.plan.links))
+        found.append(Recovery(fault.id, label, of, threshold, _seconds(recovery)))
+    return tuple(found)
+
+
+def _recovery(course: Course, fault: Fault, next_ns: int | None) -> tuple[float, int | None]:
+    """Threshold and recovery time in nanoseconds after one fault."""
+    before = course.rms[(course.time_ns >= fault.at_ns - NANOSECONDS) & (course.time_ns < fault.at_ns)]
+    before = before[~np.isnan(before)]
+    if not len(before):
+        return math.nan, None
+    threshold = RECOVERED_FACTOR * float(np.median(before))
+    after_ns = fault.at_ns if fault.until_ns is None else fault.until_ns
+    before_ns = next_ns if next_ns is not None and next_ns > after_ns else None
+    return threshold, measures.recovery_time(
+        course.time_ns, course.rms, threshold, after_ns=after_ns, before_ns=before_ns
+    )
+
+
+def contraction(seen: Samples) -> float:
+    """Factor by which a round shrinks the disagreement: the median over the consensuses that the samples belong to.
+
+    A consensus lasts as long as its oracle stays the same; rounds from where rounding is the floor are left out. NaN if
+    no consensus has two rounds.
+    """
+    oracle = seen.oracle.reshape(len(seen.index), -1)
+    unknown = np.isnan(oracle[1:]) | np.isnan(oracle[:-1])
+    again = np.flatnonzero(~((oracle[1:] == oracle[:-1]) | unknown).all(axis=1)) + 1
+    factors = [_factor(stretch) for stretch in np.split(seen.disagreement, again)]
+    known = [factor for factor in factors if not math.isnan(factor)]
+    return float(np.median(known)) if known else math.nan
+
+
+def _factor(disagreements: Floats) -> float:
+    above = disagreements > _ROUNDING * disagreements[0]
+    rounds = len(above) if above.all() else int(np.argmin(above))
+    return measures.contraction(disagreements[:rounds]) if rounds > 1 else math.nan
+
+
+def _seconds(time_ns: int | None) -> float:
+    return math.nan if time_ns is None else time_ns / NANOSECONDS
+
+
+def _processes(record: Record) -> dict[str, ProcessMetrics]:
+    """Agent → what its last process wrote down about itself at its end."""
+    return {
+        agent: ProcessMetrics(event["cpu_s"], event["pss_kb"], tuple(event["lateness_ns"]))
+        for (agent, _), batch in sorted(record.batches.items(), key=lambda item: (natural_key(item[0][0]), item[0][1]))
+        for event in batch.events
+        if event["event"] == "done"
+    }
+
+
+def _findings(record: Record) -> Iterator[Finding]:
+    """What each kind of agents has to say, then the notes by what they say."""
+    for kind in dict.fromkeys(agent.kind for agent in record.plan.agents):
+        yield from find(kind).findings(record.as_run, record)
+    for what, count in Counter(note["what"] for note in record.notes).items():
+        first = next(note for note in record.notes if note["what"] == what)
+        yield Finding(
+            f"noted: {what}", count, "", f"first by {first['agent']} at {first['time_ns'] / NANOSECONDS:.3f} s"
+        )
+
+
+def _defined(value: Any) -> Any:
+    """The value with None for NaN, at any depth."""
+    if isinstance(value, dict):
+        return {key: _defined(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_defined(item) for item in value]
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -1,0 +1,75 @@
+"""Which part of a run is meant on the command line: a span of time, and agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ...errors import BadInput
+from ...units import parse
+from ..record.record import Record
+from ..scenario.explaining import did_you_mean
+from ..scenario.writing import quantity
+
+From = Annotated[str | None, Parameter("--from", help="Instant to begin at, e.g. 2s.")]
+Until = Annotated[str | None, Parameter("--until", help="Instant to end before, e.g. 3s.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SpanOptions:
+    """A span of nominal time, from the beginning and to the end unless it says otherwise."""
+
+    from_: From = None
+    until: Until = None
+
+    def bounds(self, record: Record) -> tuple[int | None, int | None]:
+        """The span in nanoseconds, None where it is not given.
+
+        Raises:
+            BadInput: not an instant, after the end of the run, or the two in the wrong order.
+        """
+        from_ns = None if self.from_ is None else instant("--from", self.from_)
+        until_ns = None if self.until is None else instant("--until", self.until)
+        if from_ns is not None and from_ns >= record.last_ns:
+            raise BadInput(f"--from {self.from_}: the run ends at {quantity(record.last_ns, 'ns')}")
+        if until_ns is not None and until_ns <= (from_ns or 0):
+            raise BadInput(f"--until {self.until} is not after --from {self.from_ or '0 s'}")
+        return from_ns, until_ns
+
+
+WHOLE = SpanOptions()
+
+
+def instant(option: str, text: str) -> int:
+    """An instant of the run in nanoseconds, from the text of an option.
+
+    Raises:
+        BadInput: not a time with a unit; the message has the option.
+    """
+    try:
+        return int(parse(text, "ns"))
+    except BadInput as error:
+        raise BadInput(f"{option}: {error}") from error
+
+
+def listed(words: Iterable[str]) -> list[str]:
+    """The words of an option that may be given several times, each a list with commas."""
+    return [part.strip() for word in words for part in word.split(",") if part.strip()]
+
+
+def known(option: str, words: Sequence[str], names: Iterable[str]) -> list[str]:
+    """The words of an option, each of which must be one of the names.
+
+    Raises:
+        BadInput: one is not; the message has the nearest name.
+    """
+    there = list(names)
+    found = listed(words)
+    for word in found:
+        if word not in there:
+            raise BadInput(f"{option} {word}: there is none{did_you_mean(word, there)}")
+    return found

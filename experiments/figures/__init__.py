@@ -1,0 +1,1 @@
+"""Figures, diagrams and films of a run."""

@@ -1,0 +1,122 @@
+"""Writes a run down as it happens: record.mcap, readable up to the last flush whatever ends the run.
+
+Topics: /agents/<name>/estimates, one message an estimate; /agents/<name>/frames, one message a batch, rows as arrays
+in the order of the fields of agents.journal; /agents/<name>/events; /run/events. Messages are JSON with a JSON Schema,
+their time is the nominal time in nanoseconds since the start of the run.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from mcap.writer import Writer
+
+from ...agents.journal import Batch, Dropped, Heard, Late, Sent
+from ...errors import BadInput
+from .encoding import dump, tag, vector_to_json
+from .run_files import RECORD_FILE
+
+PROFILE = "volery"
+ESTIMATES, FRAMES, EVENTS, RUN_EVENTS = "estimates", "frames", "events", "/run/events"
+FRAME_ROWS: dict[str, Any] = {"sent": Sent, "heard": Heard, "dropped": Dropped, "late": Late}
+
+
+def _object(required: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": required, "required": sorted(required)}
+
+
+def _rows(kind: Any) -> dict[str, Any]:
+    width = len(kind._fields)
+    return {
+        "type": "array",
+        "description": ", ".join(kind._fields),
+        "items": {"type": "array", "minItems": width, "maxItems": width},
+    }
+
+
+_INTEGER, _TEXT = {"type": "integer"}, {"type": "string"}
+_NUMBER = {"anyOf": [{"type": "number"}, {"enum": ["nan", "inf", "-inf"]}]}
+SCHEMAS: dict[str, dict[str, Any]] = {
+    ESTIMATES: _object(
+        {"incarnation": _INTEGER, "quantity": _TEXT, "index": _INTEGER, "value": {"type": "array", "items": _NUMBER}}
+    ),
+    FRAMES: _object({"incarnation": _INTEGER, **{name: _rows(kind) for name, kind in FRAME_ROWS.items()}}),
+    EVENTS: _object({"incarnation": _INTEGER, "event": {"type": "object"}}),
+    RUN_EVENTS: _object({"event": _TEXT}),
+}
+
+
+class Recorder:
+    """Sink of a run that writes `folder`/record.mcap; a context manager, and its owner calls `flush` now and then.
+
+    Raises:
+        BadInput: the folder has a record already.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / RECORD_FILE
+        self._file: IO[bytes]
+        self._writer: Writer
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._now_ns = 0
+
+    def __enter__(self) -> Self:
+        try:
+            self._file = self._path.open("xb")
+        except FileExistsError as error:
+            raise BadInput(f"{self._path} exists already: name another folder, no record is overwritten") from error
+        self._writer = Writer(self._file)
+        self._writer.start(profile=PROFILE)
+        self._schemas = {
+            name: self._writer.register_schema(f"volery.{name.strip('/')}", "jsonschema", dump(schema))
+            for name, schema in SCHEMAS.items()
+        }
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+
+    def __call__(self, batch: Batch) -> None:
+        """Write the entries of one agent."""
+        who = f"/agents/{batch.agent}"
+        for time_ns, quantity, index, value in batch.estimates:
+            estimate = {"quantity": quantity, "index": index, "value": vector_to_json(value)}
+            self._write(f"{who}/{ESTIMATES}", ESTIMATES, time_ns, {"incarnation": batch.incarnation, **estimate})
+        rows = {name: getattr(batch, name) for name in FRAME_ROWS}
+        if any(rows.values()):
+            self._write(f"{who}/{FRAMES}", FRAMES, _latest_ns(batch), {"incarnation": batch.incarnation, **rows})
+        for event in batch.events:
+            time_ns = event.get("time_ns", self._now_ns)
+            self._write(f"{who}/{EVENTS}", EVENTS, time_ns, {"incarnation": batch.incarnation, "event": tag(event)})
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Write an event of the run."""
+        self._write(RUN_EVENTS, RUN_EVENTS, event.get("time_ns", self._now_ns), tag(event))
+
+    def flush(self) -> None:
+        """Bring everything so far into the file, where it survives the end of this process."""
+        self._writer.flush()
+
+    def _write(self, topic: str, schema: str, time_ns: int, message: dict[str, Any]) -> None:
+        self._now_ns = max(self._now_ns, time_ns)
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, "json", self._schemas[schema])
+            self._counts[topic] = 0
+        self._writer.add_message(self._channels[topic], time_ns, dump(message), time_ns, self._counts[topic])
+        self._counts[topic] += 1
+
+
+def _latest_ns(batch: Batch) -> int:
+    times = [sent.start_ns for sent in batch.sent]
+    times += [heard.due_ns for heard in batch.heard] + [late.due_ns for late in batch.late]
+    times += [dropped.time_ns for dropped in batch.dropped]
+    return max(times)

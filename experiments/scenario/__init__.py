@@ -1,0 +1,1 @@
+"""Scenarios: from a YAML file, read and validated, to a plan."""

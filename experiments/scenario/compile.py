@@ -1,0 +1,171 @@
+"""A scenario turned into a plan: the graph, the world, the links and faults by name, and whether they fit together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+import networkx as nx
+
+from ... import topologies, worlds
+from ...agents.coupled_world import couple
+from ...agents.plan import AgentPlan, Coupled, Plan, World, moving
+from ...errors import BadInput
+from ...topologies import TimedGraph
+from ...transport.faults import Fault, LinkName
+from ...transport.links import LinkSettings
+from .contradictions import contradictions
+from .expansion import expand
+from .fault_places import Places, changed_links, group_problems, parse_agents
+from .fitting import misfits
+from .reading import Problem
+from .schema import AgentKind, Scenario
+from .slots import radio_slots
+from .writing import quantity
+
+_PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
+_PROXIMITY = "proximity"
+_QUOTED = re.compile(r"'([^']*)'")
+
+
+def compile_plan(scenario: Scenario) -> Plan:
+    """The plan of a scenario.
+
+    Raises:
+        BadInput: parts that do not fit together, all of them at once.
+    """
+    plan, problems = attempt(scenario)
+    if plan is None or problems:
+        raise BadInput("\n".join(f"{'.'.join(map(str, problem.loc))}: {problem.message}" for problem in problems))
+    return plan
+
+
+def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
+    """The plan, if there is one, and everything that is wrong with it, each at its place in the scenario."""
+    problems: list[Problem] = []
+    of_world: list[Problem] = []
+    try:
+        timed, world = _surroundings(scenario, of_world)
+    except BadInput as error:
+        return None, [_placed(error, "topology")]
+    places = Places(topologies.edges(timed.union), scenario.groups, scenario.seed, world)
+    problems.extend(Problem(("groups", name), text) for name, text in group_problems(scenario.groups, places.agents))
+    links = _links(scenario, places, problems)
+    faults = _faults(scenario, places, problems)
+    problems.extend(of_world)
+    plan = Plan(
+        scenario.name,
+        scenario.seed,
+        scenario.duration,
+        _agents(timed.union, _kinds(scenario, places, problems), placed=moving(world) is None),
+        links,
+        None if isinstance(world, Coupled) else world,
+        faults,
+        presence={link: spans for edge, spans in timed.presence.items() for link in (edge, edge[::-1])},
+        slots=radio_slots(links),
+        groups=scenario.groups,
+        coupled=world if isinstance(world, Coupled) else None,
+    )
+    if plan.coupled is not None:
+        try:
+            plan = couple(plan)
+        except BadInput as error:
+            problems.append(Problem(("topology",), str(error)))
+    if not problems:
+        problems = [*misfits(plan), *contradictions(plan, scenario.faults)]
+    return plan, problems
+
+
+def _placed(error: BadInput, field: str) -> Problem:
+    """A message such as `topology.hexagonal: 'cuont' …` at its place, the key that it quotes if there is such a one."""
+    match = _PLACE.match(str(error))
+    place, message = (match[1], str(error)[match.end() :]) if match else (field, str(error))
+    return Problem((*place.split("."), *_QUOTED.findall(message)[:1]), message)
+
+
+def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | Coupled | None]:
+    """The graph over time and the world; whichever of the two says who the agents are is made first.
+
+    Raises:
+        BadInput: no graph, or nobody moves where the graph follows from that.
+    """
+    spec, seed, duration_ns = scenario.topology, scenario.seed, scenario.duration
+    if _PROXIMITY in spec and scenario.world is not None and scenario.world.get("kind") == worlds.MOVING:
+        world = worlds.build(scenario.world, {}, seed)
+        places = world.positions if isinstance(world, worlds.MovingWorld) else None
+        return topologies.build_over_time(spec, seed, duration_ns, places), world
+    timed = topologies.build_over_time(spec, seed, duration_ns)
+    return timed, _world(scenario, timed.union, problems)
+
+
+def _kinds(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[str, AgentKind]:
+    kinds: dict[str, AgentKind] = dict.fromkeys(places.agents, scenario.agents)
+    for index, some in enumerate(scenario.agents.only):
+        try:
+            named = parse_agents(some.where, replace(places, fault_id=f"agents{index + 1}"))
+        except BadInput as error:
+            problems.append(Problem(("agents", "only", index, "where"), str(error)))
+            continue
+        kinds.update(dict.fromkeys(named, some))
+    return kinds
+
+
+def _agents(graph: nx.Graph, kinds: Mapping[str, AgentKind], *, placed: bool) -> tuple[AgentPlan, ...]:
+    positions = topologies.positions(graph) if placed else {}
+    neighbours = {name: tuple(topologies.neighbours(graph, name)) for name in topologies.agents(graph)}
+    return tuple(
+        AgentPlan(
+            name,
+            kinds[name].kind,
+            kinds[name].parameters,
+            near,
+            {other: len(neighbours[other]) for other in (name, *near)},
+            positions.get(name),
+            kinds[name].compute,
+        )
+        for name, near in neighbours.items()
+    )
+
+
+def _links(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
+    links = dict.fromkeys(places.links, scenario.links.base)
+    for index, override in enumerate(scenario.links.only):
+        try:
+            changed = changed_links(override.where, override.changes, replace(places, fault_id=f"only{index + 1}"))
+        except BadInput as error:
+            problems.append(Problem(("links", "only", index, "where"), str(error)))
+            continue
+        links.update({link: replace(links[link], **override.changes) for link in changed})
+    return links
+
+
+def _faults(scenario: Scenario, places: Places, problems: list[Problem]) -> tuple[Fault, ...]:
+    faults: list[Fault] = []
+    for index, entry in enumerate(scenario.faults):
+        if entry.start_ns >= scenario.duration:
+            at, end = quantity(entry.start_ns, "ns"), quantity(scenario.duration, "ns")
+            text = f"starts at {at}, the run ends at {end}: start it earlier"
+            problems.append(Problem(("faults", index, "from" if entry.at is None else "at"), text))
+        try:
+            faults += expand(entry, f"t{index + 1}", places, scenario.duration)
+        except BadInput as error:
+            problems.append(Problem(("faults", index, entry.place), str(error)))
+    return tuple(faults)
+
+
+def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> World | Coupled | None:
+    if scenario.world is None:
+        return None
+    positions = topologies.positions(graph)
+    try:
+        if not positions and worlds.needs_places(scenario.world):
+            kind = next(iter(scenario.topology))
+            text = f"agents of topology {kind} have no positions, and this world needs them"
+            raise BadInput(f"world: {text}: take an array, or drop the world")
+        places = {name: (x, y) for name, (x, y, *_) in positions.items()}
+        world: World | Coupled = worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
+    except BadInput as error:
+        problems.append(_placed(error, "world"))
+        return None
+    return world

@@ -1,0 +1,25 @@
+"""Slot plans of radios: agents that can be heard at one place take turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import networkx as nx
+
+from ...topologies import node_colouring
+from ...transport.faults import LinkName
+from ...transport.links import LinkSettings
+from ...transport.media import on_air
+
+
+def radio_slots(links: Mapping[LinkName, LinkSettings]) -> dict[str, tuple[int, int]]:
+    """Agent → (its slot, how many there are), for agents with a radio: a colouring at distance 2 of all that they have.
+
+    Two neighbours of one agent have different slots, so that no frame meets another, at its receiver or at its sender.
+    """
+    radios = nx.Graph(link for link, settings in links.items() if on_air(settings.medium))
+    if not radios:
+        return {}
+    colours = node_colouring(radios)
+    count = 1 + max(colours.values())
+    return {agent: (colour, count) for agent, colour in colours.items()}

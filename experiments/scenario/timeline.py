@@ -1,0 +1,187 @@
+"""Faults as they are written, in a scenario's timeline or on the command line: what may stand in one entry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
+
+from ...errors import BadInput
+from ...units import Nanoseconds, PartsPerBillion
+from .fault_processes import Every
+from .link_schema import STRICT, LinkFields, Reader, Words
+from .partitions import PartitionWord
+from .writing import quantity
+
+ACTIONS = ("cut", "hold", "partition", "set", "kill", "pause", "hog", "clock", "sensor")
+TROUBLES = ("failed", "stuck", "bias", "noise", "spikes")
+_DETAILS = {
+    "keep_state": "kill",
+    "share": "hog",
+    "offset": "clock",
+    "drift": "clock",
+    "where": "set",
+    **dict.fromkeys(TROUBLES, "sensor"),
+}
+"""Fields that say more about one action, and mean nothing beside another."""
+
+
+def _read_size(value: Any) -> tuple[float, ...]:
+    numbers = value if isinstance(value, list) else [value]
+    if not numbers or any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
+        raise BadInput(f"{value!r} should be a number, or one for each component, in the unit of the sensor")
+    return tuple(float(number) for number in numbers)
+
+
+Size = Annotated[tuple[float, ...], Reader(_read_size, float | list[float])]
+
+
+@dataclass(frozen=True)
+class Spikes:
+    """Samples that are off by ±`size`, each with this probability."""
+
+    size: Size
+    probability: float
+
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        if not 0 < self.probability <= 1:
+            raise BadInput(f"probability is {self.probability:g}, it lies above 0 and is at most 1")
+
+
+def _not_before_the_start(at_ns: int) -> int:
+    if at_ns < 0:
+        raise BadInput(f"{quantity(at_ns, 'ns')} is before the run: a fault starts at 0 or later")
+    return at_ns
+
+
+def _true(value: bool) -> bool:
+    if not value:
+        raise BadInput("is false, which says nothing: leave it out")
+    return value
+
+
+def _share(value: float) -> float:
+    if not 0 < value <= 1:
+        raise BadInput(f"share is {value:g}, it must be above 0 and at most 1")
+    return value
+
+
+def _drift(drift_ppb: int) -> int:
+    if drift_ppb <= -(10**9):
+        raise BadInput(f"drift is {quantity(drift_ppb, 'ppb')}: a clock does not stand still or go back")
+    return drift_ppb
+
+
+_Start = Annotated[Nanoseconds, AfterValidator(_not_before_the_start)]
+_Flag = Annotated[bool, AfterValidator(_true)]
+
+
+class FaultEntry(BaseModel):
+    """One entry of a scenario's `faults:`, as it is written."""
+
+    model_config = STRICT
+
+    at: _Start | None = None
+    every: Every | None = None
+    from_: _Start | None = Field(default=None, alias="from")
+    until: Nanoseconds | None = None
+    for_: Nanoseconds | None = Field(default=None, alias="for")
+    cut: Words | None = None
+    hold: Words | None = None
+    partition: PartitionWord | None = None
+    where: Words | None = None
+    set_: LinkFields | None = Field(default=None, alias="set")
+    kill: Words | None = None
+    keep_state: _Flag | None = None
+    pause: Words | None = None
+    hog: Words | None = None
+    share: Annotated[float, AfterValidator(_share)] | None = None
+    clock: Words | None = None
+    offset: Nanoseconds | None = None
+    drift: Annotated[PartsPerBillion, AfterValidator(_drift)] | None = None
+    sensor: Words | None = None
+    failed: _Flag | None = None
+    stuck: _Flag | None = None
+    bias: Size | None = None
+    noise: Size | None = None
+    spikes: Spikes | None = None
+
+    @field_validator("until")
+    @classmethod
+    def _after_the_start(cls, until: int | None, info: ValidationInfo) -> int | None:
+        for name in ("at", "from_"):
+            start_ns = info.data.get(name)
+            if until is not None and start_ns is not None and until <= start_ns:
+                start = f"{name.rstrip('_')} {quantity(start_ns, 'ns')}"
+                raise BadInput(f"until is {quantity(until, 'ns')} and {start}: a fault ends after it starts")
+        return until
+
+    @field_validator("for_")
+    @classmethod
+    def _lasts(cls, duration: int | None) -> int | None:
+        if duration is not None and duration <= 0:
+            raise BadInput(f"for is {quantity(duration, 'ns')}: a fault lasts longer than 0")
+        return duration
+
+    @model_validator(mode="after")
+    def _one_action(self) -> Self:
+        actions = [name for name in ACTIONS if self.written(name) is not None]
+        if len(actions) != 1:
+            raise BadInput(f"a fault is exactly one of {', '.join(ACTIONS)}, not {' and '.join(actions) or 'none'}")
+        (action,) = actions
+        for detail, whose in _DETAILS.items():
+            if self.written(detail) is not None and whose != action:
+                raise BadInput(f"{detail} belongs to {whose} and says nothing of a {action}")
+        return self
+
+    @model_validator(mode="after")
+    def _details(self) -> Self:
+        if self.set_ is not None and self.where is None:
+            raise BadInput("set and where belong together: where: 3-7, set: {loss: 0.5}")
+        if self.set_ is not None and not self.set_:
+            raise BadInput("set is empty: write for example set: {loss: 0.5}")
+        if self.clock is not None and not self.offset and not self.drift:
+            raise BadInput("a clock fault has an offset, a drift or both: offset: 20 ms, drift: 50 ppm")
+        troubles = [name for name in TROUBLES if self.written(name) is not None]
+        if self.sensor is not None and len(troubles) != 1:
+            told = " and ".join(troubles) or "none"
+            raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {told}: bias: 0.01")
+        return self
+
+    @model_validator(mode="after")
+    def _times(self) -> Self:
+        if (self.at is None) == (self.every is None):
+            raise BadInput("write when it starts, at: 3 s, or a random process, every: {mtbf: 5 s, mttr: 1 s}")
+        if self.from_ is not None and self.every is None:
+            raise BadInput("from belongs to every: the process begins there; one fault starts at some instant, at: 3 s")
+        if self.every is not None and self.for_ is not None:
+            raise BadInput("for does not go with every: the process lasts until: 9 s")
+        if self.until is not None and self.for_ is not None:
+            raise BadInput("write until or for, not both")
+        return self
+
+    def written(self, name: str) -> Any:
+        """The value of the field of this name in the file."""
+        return getattr(self, f"{name}_" if name in ("set", "for", "from") else name)
+
+    @property
+    def start_ns(self) -> int:
+        """When the fault, or the process that brings it about, starts."""
+        return (self.from_ or 0) if self.at is None else self.at
+
+    @property
+    def until_ns(self) -> int | None:
+        """When it ends; None: never."""
+        return self.until if self.for_ is None else self.start_ns + self.for_
+
+    @property
+    def action(self) -> str:
+        """Which of the actions it is."""
+        return next(name for name in ACTIONS if self.written(name) is not None)
+
+    @property
+    def place(self) -> str:
+        """The field that says where."""
+        return "where" if self.action == "set" else self.action

@@ -1,0 +1,182 @@
+"""What a plan asks of its media and of the machine: airtime utilisation, puts per second, slack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ...agents import registry
+from ...agents.plan import Plan
+from ...errors import BadInput
+from ...topologies import natural_key
+from ...transport.faults import LinkName
+from ...transport.links import LinkSettings
+from ...transport.media import HalfDuplex, Tdma, on_air
+from .contradictions import vain_faults
+from .fitting import slots_of
+from .graph_changes import GraphChanges, graph_changes
+from .writing import ACCESS_NAMES
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_NAMED = 4
+
+
+@dataclass(frozen=True)
+class MediumUse:
+    """What one medium carries, before faults.
+
+    `medium` is a direction `3>7`, an edge `3-7` whose directions share the air, or the air at an agent, `air 3`, which
+    its own radio and those of its neighbours share; `frames_per_second` and
+    `utilisation`, a fraction of what the medium can carry, are None where the agent's kind does not tell.
+    """
+
+    medium: str
+    access: str
+    airtime_ns: int
+    frames_per_second: float | None
+    utilisation: float | None
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a plan asks for. `slack_ns` is the time that the hardest pressed link leaves to the machine.
+
+    `graph` says how the graph changes, where it does; `vain` are sentences about faults that change nothing.
+    """
+
+    name: str
+    agents: int
+    rows: tuple[MediumUse, ...]
+    puts_per_second: float | None
+    largest_payload: int | None
+    slack_ns: int
+    graph: GraphChanges | None = None
+    vain: tuple[str, ...] = ()
+
+    @property
+    def overloaded(self) -> tuple[MediumUse, ...]:
+        """Media that are asked for more than they can carry."""
+        return tuple(row for row in self.rows if row.utilisation is not None and row.utilisation > 1)
+
+
+def validate_plan(plan: Plan, overload: bool = False) -> Validation:
+    """What a plan asks for.
+
+    Raises:
+        BadInput: a medium would be used for more than all of its time, and `overload` is false.
+    """
+    offers = {agent.name: registry.find(agent.kind).offers(plan, agent.name) for agent in plan.agents}
+    payloads = {name: offer.largest_payload for name, offer in offers.items()}
+    rates = {name: offer.per_second for name, offer in offers.items()}
+    told = [payload for payload in payloads.values() if payload is not None]
+    compute = {agent.name: agent.compute_ns for agent in plan.agents}
+    validation = Validation(
+        plan.name,
+        len(plan.agents),
+        tuple(_rows(plan, payloads, rates)),
+        _total([rates[source] for source, _ in plan.links]),
+        max(told, default=None),
+        min(compute[source] + settings.lookahead_ns() for (source, _), settings in plan.links.items()),
+        graph_changes(plan),
+        tuple(vain_faults(plan)),
+    )
+    if validation.overloaded and not overload:
+        raise BadInput(_overload_message(validation.overloaded))
+    return validation
+
+
+def _rows(plan: Plan, payloads: dict[str, int | None], rates: dict[str, float | None]) -> Iterator[MediumUse]:
+    def use(link: LinkName, settings: LinkSettings) -> tuple[int, float | None]:
+        payload, rate = payloads[link[0]], rates[link[0]]
+        return settings.airtime_ns(payload or 0), rate if payload is not None or rate == 0 else None
+
+    for link, settings in plan.links.items():
+        airtime, rate = use(link, settings)
+        medium, name = settings.medium, ">".join(link)
+        if on_air(medium):
+            continue
+        if not isinstance(medium, HalfDuplex):
+            yield MediumUse(name, "full-duplex", airtime, rate, _times(rate, airtime / 1e9))
+        elif isinstance(medium.access, Tdma):
+            yield MediumUse(name, "tdma", airtime, rate, _times(rate, _slot_share(plan, link, medium.access, airtime)))
+        elif natural_key(link[0]) < natural_key(link[1]):
+            back, back_rate = use(link[::-1], plan.links[link[::-1]])
+            shares = [_times(rate, airtime / 1e9), _times(back_rate, back / 1e9)]
+            name = ACCESS_NAMES[type(medium.access)]
+            yield MediumUse("-".join(link), name, max(airtime, back), _total([rate, back_rate]), _total(shares))
+    yield from _air_rows(plan, use)
+
+
+def _slot_share(plan: Plan, link: LinkName, access: Tdma, airtime_ns: int) -> float:
+    """What one frame a second takes of the own slots."""
+    fits = access.usable_ns(slots_of(plan, link)) // airtime_ns if airtime_ns else None
+    return 0.0 if fits is None else 1 / (fits * access.cycle)
+
+
+def _air_rows(plan: Plan, use: Callable[[LinkName, LinkSettings], tuple[int, float | None]]) -> Iterator[MediumUse]:
+    """The air at each agent with a radio; with tdma the own slots are what can be used up."""
+    radios: dict[str, tuple[int, float | None]] = {}
+    near: dict[str, list[LinkName]] = {}
+    for link, settings in plan.links.items():
+        if on_air(settings.medium):
+            near.setdefault(link[0], []).append(link)
+    for source, links in near.items():
+        agent = plan.agent(source)
+        airtime, rate = use(links[0], plan.links[links[0]])
+        once = registry.find(agent.kind).broadcasts(agent.parameters)
+        radios[source] = airtime, _times(rate, 1 if once else len(links))
+    for source, links in near.items():
+        medium = plan.links[links[0]].medium
+        assert isinstance(medium, HalfDuplex)
+        airtime, rate = radios[source]
+        audible = [radios[name] for name in (source, *(target for _, target in links))]
+        if isinstance(medium.access, Tdma):
+            used = _times(rate, _slot_share(plan, links[0], medium.access, airtime))
+        else:
+            used = _total([_times(each, long / 1e9) for long, each in audible])
+        yield MediumUse(f"air {source}", ACCESS_NAMES[type(medium.access)], airtime, rate, used)
+
+
+def _times(rate: float | None, seconds: float) -> float | None:
+    return None if rate is None else rate * seconds
+
+
+def _total(parts: list[float | None]) -> float | None:
+    told = [part for part in parts if part is not None]
+    return sum(told) if len(told) == len(parts) else None
+
+
+def _overload_message(rows: tuple[MediumUse, ...]) -> str:
+    worst = sorted(rows, key=lambda row: -(row.utilisation or 0))[:_NAMED]
+    named = ", ".join(f"{row.medium} {row.utilisation:.0%}" for row in worst)
+    more = f" and {len(rows) - len(worst)} more" if len(rows) > len(worst) else ""
+    return (
+        f"airtime utilisation is above 100 % on {named}{more}: "
+        "send less or less often, raise links.rate, or write overload: true"
+    )
+
+
+def validation_table(validation: Validation) -> Table:
+    """The validation as a table: a row per medium, the totals and what the graph does below."""
+    from rich.table import Table
+
+    table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
+    puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
+    largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
+    said = [*validation.vain] if validation.graph is None else [str(validation.graph), *validation.vain]
+    if said:
+        table.caption, table.caption_justify = "\n".join(said), "left"
+    table.add_column("medium", f"{validation.agents} agents")
+    table.add_column("access", f"largest payload {largest}")
+    table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")
+    table.add_column("frames/s", f"{puts} puts/s", justify="right")
+    table.add_column("utilisation", "", justify="right")
+    for row in validation.rows:
+        rate = "unknown" if row.frames_per_second is None else f"{row.frames_per_second:.4g}"
+        used = "unknown" if row.utilisation is None else f"{row.utilisation:.1%}"
+        style = "bold red" if row in validation.overloaded else None
+        table.add_row(row.medium, row.access, f"{row.airtime_ns / 1e6:.3f} ms", rate, used, style=style)
+    return table

@@ -1,0 +1,80 @@
+"""Processes of a swarm, as their supervisor knows them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+
+from ..record.record import INJECTED
+
+_LOOK_EVERY_S = 0.5
+_STOPPED_S = 2.0
+_LAST_WORDS_S = 1.0
+
+
+@dataclass
+class Member:
+    """One process. `state` is what its agent saves when it dies of a fault that keeps it.
+
+    `killed`: it has told that a fault ends its life. `buried`: it has ended, and it is known of what.
+    """
+
+    process: ForkServerProcess
+    joined: asyncio.Event = field(default_factory=asyncio.Event)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    killed: asyncio.Event = field(default_factory=asyncio.Event)
+    buried: asyncio.Event = field(default_factory=asyncio.Event)
+    done: bool = False
+    stopped_from_outside: bool = False
+    batches: int = 0
+    state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
+
+    async def cause(self) -> str:
+        """Of its end. Its last words may be on their way still: a fault, or else somebody from outside."""
+        if self.process.exitcode == -signal.SIGKILL:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_LAST_WORDS_S):
+                    await self.killed.wait()
+        if self.killed.is_set():
+            return INJECTED
+        if self.stopped_from_outside:
+            return "was stopped from outside"
+        exit_code = self.process.exitcode
+        killed = exit_code is not None and exit_code < 0
+        return "was killed from outside" if killed else f"ended with exit code {exit_code}"
+
+
+async def joined_or_ended(member: Member) -> None:
+    """Wait until a process has joined the swarm, or has ended without."""
+    waits = [asyncio.ensure_future(event.wait()) for event in (member.joined, member.ended)]
+    await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    for wait in waits:
+        wait.cancel()
+
+
+async def watch_for_stopped(members: Callable[[], Iterable[Member]]) -> None:
+    """A process that is stopped from outside for a while counts as dead."""
+    since: dict[int, float] = {}
+    while True:
+        await asyncio.sleep(_LOOK_EVERY_S)
+        for member in list(members()):
+            pid = member.process.pid
+            if pid is None or member.ended.is_set() or not _is_stopped(pid):
+                since.pop(pid or 0, None)
+            elif time.monotonic() - since.setdefault(pid, time.monotonic()) > _STOPPED_S:
+                member.stopped_from_outside = True
+                member.process.kill()
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a signal has stopped a process: state T in /proc, after the name in brackets."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "T"
+    except (FileNotFoundError, ProcessLookupError):
+        return False

@@ -1,0 +1,133 @@
+"""Runs a sweep: what is not finished yet, on a pool of workers, into a folder that tells how far it has come."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import BadInput
+from ..running import Engine
+from .axes import Over
+from .plan import SweepPlan, plan_sweep
+from .pools import Pool, cores, dask_pool, local_pool
+from .results import KEPT, Journal, Row, Sweep, is_sweep, write_table
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """How to carry out a sweep.
+
+    `repeat`: runs of each cell, with seeds of their own. `runs`: folder of runs. `name`: of the sweep's folder, instead
+    of one that follows from what is swept. `workers`: processes, by default one a core. `scheduler`: address of a Dask
+    scheduler instead. `keep`: keep each run's folder. `fresh`: drop results that are there.
+    """
+
+    repeat: int = 1
+    engine: Engine = "twin"
+    runs: Path = Path("runs")
+    name: str | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    keep: bool = False
+    fresh: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if self.repeat < 1:
+            raise BadInput(f"--repeat {self.repeat}: each cell is run at least once")
+        if self.scheduler is not None and self.workers is not None:
+            raise BadInput("--workers is for processes on this machine, a Dask cluster has its own: leave out one")
+
+        if self.scheduler is not None and self.keep:
+            raise BadInput("--keep is for runs on this machine: those of a Dask cluster would stay with its workers")
+
+    def folder(self, plan: SweepPlan) -> Path:
+        """Where the sweep is: what is swept gives the name, so that the same command finds it again."""
+        return self.runs / (self.name or f"{plan.name}-{plan.digest[:8]}")
+
+    def pool(self) -> Pool:
+        """Who does the work; runs over Zenoh are processes by themselves, and go one after the other."""
+        if self.scheduler is not None:
+            return dask_pool(self.scheduler)
+        most = 1 if self.engine == "zenoh" else cores()
+        return local_pool(most if self.workers is None else self.workers)
+
+
+@dataclass(frozen=True)
+class Advance:
+    """How far a sweep has come: runs that are finished, those of this session among them, and the seconds it took."""
+
+    finished: int
+    total: int
+    fresh: int
+    seconds: float
+
+    @property
+    def left_s(self) -> float | None:
+        """How long the rest will take, as the runs of this session have; None before the first."""
+        return (self.total - self.finished) * self.seconds / self.fresh if self.fresh else None
+
+
+Watch = Callable[[Advance], None]
+
+
+def run_sweep(
+    plan: SweepPlan, options: SweepOptions, pool: Pool | None = None, watch: Watch = lambda _advance: None
+) -> Sweep:
+    """Carry out what is not finished of a sweep, and write its table.
+
+    Args:
+        plan: what is swept.
+        options: how.
+        pool: who does the work, instead of the pool of the options.
+        watch: is told how far it has come after each run.
+    Raises:
+        BadInput: an option does not fit, or the folder has the results of another sweep.
+        RunFailed: a run could not be carried through; what is finished is kept.
+    """
+    folder = options.folder(plan)
+    work = pool or options.pool()
+    if options.fresh:
+        _drop(folder)
+    with Journal(folder, plan, options.repeat) as journal:
+        everything = list(plan.jobs(options.repeat, sys.path, folder / KEPT if options.keep else None))
+        jobs = [job for job in everything if not journal.has(job.cell, job.repeat)]
+        finished, began = len(everything) - len(jobs), time.monotonic()
+        watch(Advance(finished, len(everything), 0, 0.0))
+        with contextlib.closing(work(jobs)) as results:
+            for fresh, done in enumerate(results, start=1):
+                journal.add(Row(done.job.cell, done.job.repeat, done.job.seed, done.values))
+                watch(Advance(finished + fresh, len(everything), fresh, time.monotonic() - began))
+        sweep = journal.results()
+    write_table(sweep)
+    return sweep
+
+
+def _drop(folder: Path) -> None:
+    """Remove the sweep that is in a folder; a folder that is none is left alone.
+
+    Raises:
+        BadInput: it holds something else.
+    """
+    if not folder.exists():
+        return
+    if not is_sweep(folder):
+        raise BadInput(f"{folder} holds no sweep, so it is not dropped: choose another --name")
+    shutil.rmtree(folder)
+
+
+def sweep(
+    scenario: str | Path | Mapping[str, Any],
+    over: Sequence[str] | Over,
+    overrides: Sequence[str] = (),
+    random: int | None = None,
+    options: SweepOptions = SweepOptions(),
+) -> Sweep:
+    """Plan and carry out a sweep, without a display; see `plan_sweep` and `run_sweep`."""
+    return run_sweep(plan_sweep(scenario, overrides, over, random, options.engine), options)
