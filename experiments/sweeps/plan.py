@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -32,8 +34,9 @@ Pairing = Literal["channel", "channel, half-duplex apart", "frame by frame"]
 """Whether cells with one seed meet the same links: as functions of time; that, but for what a half-duplex or shared
 medium does, which depends on who sends when; or only as long as they send frame for frame the same."""
 _PACKAGE = Path(__file__).parents[2]
-_NOT_OF_RESULTS = "cli"
-"""Modules whose names begin so show results and make none."""
+_NOT_OF_RESULTS = _PACKAGE / "experiments" / "cli"
+"""What shows results and makes none."""
+_IMPORT_STRING = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_]")
 _MADE_WITH = ("python", "numpy", "scipy", "blas", "simd")
 
 
@@ -136,7 +139,7 @@ def plan_sweep(
     axes = _axes(over)
     base = read_any(scenario, overrides)
     cells = grid(axes) if random is None else random_cells(axes, random, base.seed)
-    kinds: set[str] = set()
+    modules: set[str] = set()
     swept = []
     for cell in cells:
         labels = tuple(point.label for point in cell.points)
@@ -144,10 +147,11 @@ def plan_sweep(
             one, plan = _valid(read_any(scenario, [*overrides, *cell.overrides]))
         except BadInput as error:
             raise BadInput(_of_cell(str(error), axes, labels)) from error
-        kinds |= {agent.kind for agent in plan.agents}
-        swept.append(SweptCell(labels, resolved_yaml(one), pairing(plan)))
+        written = resolved_yaml(one)
+        modules |= {find(agent.kind).__module__ for agent in plan.agents} | set(_IMPORT_STRING.findall(written))
+        swept.append(SweptCell(labels, written, pairing(plan)))
     of_axes = tuple(map(_swept_axis, spanned(axes, cells)))
-    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(kinds))
+    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(modules))
 
 
 def _axes(over: Sequence[str] | Over) -> list[Axis]:
@@ -203,17 +207,16 @@ def pairing(plan: Plan) -> Pairing:
     return "channel, half-duplex apart" if shared else "channel"
 
 
-def made_with(kinds: Iterable[str] = ()) -> dict[str, Any]:
+def made_with(modules: Iterable[str] = ()) -> dict[str, Any]:
     """What the bits of results depend on besides their scenarios: versions, and hashes of the code.
 
-    `kinds`: of agents; those that are none of ours have a hash of the file of their class.
+    `modules`: names; a file is hashed for each that is loaded and none of ours, as for a user's agents and filters.
     """
     here = fingerprint()
-    classes = {kind: find(kind) for kind in sorted(kinds)}
     ours = __package__.partition(".")[0]
-    foreign = {kind: one for kind, one in classes.items() if one.__module__.partition(".")[0] != ours}
-    hashes = {kind: _hash([Path(inspect.getfile(one))]) for kind, one in foreign.items()}
-    return {**{name: here[name] for name in _MADE_WITH}, "code": _code(), "agents": hashes}
+    foreign = sorted(name for name in modules if name in sys.modules and name.partition(".")[0] != ours)
+    hashes = {name: _hash([Path(inspect.getfile(sys.modules[name]))]) for name in foreign}
+    return {**{name: here[name] for name in _MADE_WITH}, "code": _code(), "modules": hashes}
 
 
 @cache
@@ -221,7 +224,7 @@ def _code() -> str:
     """A hash of every module that a result can depend on: all but those of the command line."""
     folders = [folder.resolve() for folder in sorted(_PACKAGE.iterdir()) if folder.is_dir()]
     paths = [*sorted(_PACKAGE.glob("*.py")), *(path for folder in folders for path in sorted(folder.rglob("*.py")))]
-    return _hash(path for path in paths if not path.name.startswith(_NOT_OF_RESULTS))
+    return _hash(path for path in paths if _NOT_OF_RESULTS.resolve() not in path.parents)
 
 
 def _hash(paths: Iterable[Path]) -> str:

@@ -147,6 +147,29 @@ def test_results_of_another_sweep_are_refused(undisturbed: Sweep, tmp_path: Path
     assert len(swept(folder, planned("links.loss.bernoulli=0"), repeat=1, fresh=True).rows) == 1
 
 
+def test_a_filter_of_ones_own_is_part_of_what_results_rest_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its file's bytes, wherever a scenario names it; a module that nobody loaded, such as a typing error, is none."""
+    source = "from volery.estimators.distributed.filtering import LocalFilter\n\n\nclass Mine(LocalFilter):\n    pass\n"
+    (tmp_path / "one_of_my_filters.py").write_text(source, "utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    scenario = {
+        "name": "own",
+        "seed": 1,
+        "duration": "1 s",
+        "topology": {"ring": 4},
+        "agents": {"kind": "tracker", "filter": "local"},
+        "world": {"kind": "target"},
+    }
+    over = ["agents.filter=local,one_of_my_filters:Mine"]
+    before = plan_sweep(scenario, over=over).made_with
+    assert list(before["modules"]) == ["one_of_my_filters"]
+    (tmp_path / "one_of_my_filters.py").write_text(source + "    # better\n", "utf-8")
+    after = plan_sweep(scenario, over=over).made_with
+    assert after["modules"] != before["modules"]
+    assert {**after, "modules": None} == {**before, "modules": None}
+    assert plan_sweep(scenario).made_with["modules"] == {}
+
+
 def test_fresh_drops_nothing_but_sweeps(plan: SweepPlan, tmp_path: Path) -> None:
     """A folder that is no sweep stays as it is."""
     (tmp_path / "thesis").mkdir()
