@@ -146,11 +146,11 @@ def _worse(results: Results, who: str, condition: str) -> float:
 
 
 def pareto(figure: Figure, results: Results) -> None:
-    """Error against payload, without loss and with it; the front joins those that nothing beats in both."""
+    """Error against payload, on good, lossy and crowded links; the front joins those that nothing beats in both."""
     figure.set_size_inches(PAGE_IN, 3.0)
-    panels = figure.subplots(1, 3, sharey=True, width_ratios=(1, 1, 0.45))
-    panels[2].set_axis_off()
-    for axes, condition in zip(panels, ("no loss", "loss 0.3"), strict=False):
+    *panels, names_at = figure.subplots(1, 4, sharey=True, width_ratios=(1, 1, 1, 0.6))
+    names_at.set_axis_off()
+    for axes, condition in zip(panels, ("no loss", "loss 0.3", "radio"), strict=True):
         points = {
             who: (
                 float(np.mean([one.bytes_per_s for one in results.of(who, condition)])),
@@ -178,9 +178,7 @@ def pareto(figure: Figure, results: Results) -> None:
         axes.set_yticks([], minor=True)
     panels[0].set_ylabel("error over the centralised one")
     names = [f"{number}  {who}" for number, who in enumerate(FILTERS) if number]
-    panels[2].text(
-        0.0, 0.5, "\n".join(names), transform=panels[2].transAxes, fontsize=6.5, va="center", linespacing=1.6
-    )
+    names_at.text(0.0, 0.5, "\n".join(names), transform=names_at.transAxes, fontsize=6.5, va="center", linespacing=1.6)
 
 
 def ranks(figure: Figure, results: Results) -> None:

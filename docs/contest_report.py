@@ -69,10 +69,15 @@ def mean_ratio(found: Sequence[Result]) -> float:
     return float(np.exp(np.mean([math.log(one.ratio) for one in found])))
 
 
+def by_seed(found: Sequence[Result]) -> np.ndarray:
+    """For each seed the mean over graphs of the logarithm of the ratio: all graphs of a seed have one target."""
+    seeds = sorted({one.seed for one in found})
+    return np.array([np.mean([math.log(min(one.ratio, 1e9)) for one in found if one.seed == seed]) for seed in seeds])
+
+
 def interval(found: Sequence[Result]) -> tuple[float, float]:
     """95 % interval of the geometric mean over seeds, by Student's t over the seeds' means of logarithms."""
-    seeds = sorted({one.seed for one in found})
-    means = [np.mean([math.log(one.ratio) for one in found if one.seed == seed]) for seed in seeds]
+    means = by_seed(found)
     half = float(t.ppf(0.975, len(means) - 1) * np.std(means, ddof=1) / math.sqrt(len(means)))
     return math.exp(float(np.mean(means)) - half), math.exp(float(np.mean(means)) + half)
 
@@ -157,16 +162,15 @@ def winners(results: Results) -> Iterator[str]:
 
 
 def beaten(results: Results, best: str, condition: str) -> str:
-    """Of how many contenders one is better, two-sided over graphs and seeds, corrected for their number."""
-    own = [math.log(min(one.ratio, 1e9)) for one in results.of(best, condition)]
-    chances = {}
+    """Of how many contenders one is better, two-sided over the seeds, corrected for their number."""
+    own = by_seed(results.of(best, condition))
+    chances = []
     for who in CONTENDERS:
         if who != best:
-            theirs = [math.log(min(one.ratio, 1e9)) for one in results.of(who, condition)]
-            apart = np.subtract(own, theirs)
-            chances[who] = float(wilcoxon(apart).pvalue) if np.any(np.abs(apart) > 1e-5) else 1.0
+            apart = own - by_seed(results.of(who, condition))
+            chances.append(float(wilcoxon(apart).pvalue) if np.any(np.abs(apart) > 1e-5) else 1.0)
     wins = 0
-    for place, (_, chance) in enumerate(sorted(chances.items(), key=lambda item: item[1])):
+    for place, chance in enumerate(sorted(chances)):
         if chance * (len(chances) - place) >= SIGNIFICANT:
             break
         wins += 1

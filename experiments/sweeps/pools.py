@@ -150,9 +150,10 @@ def dask_pool(address: str, answer_s: float = _ANSWER_S) -> Pool:
     """The workers of a Dask cluster, by the address of its scheduler, such as tcp://10.0.0.1:8786.
 
     Raises:
-        BadInput: dask is not installed, or the scheduler does not answer in time.
+        BadInput: dask is not installed, that is no address, or the scheduler does not answer in time.
     """
     distributed = _distributed()
+    _check_address(distributed, address)
     try:
         client = distributed.Client(address, timeout=answer_s, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -173,6 +174,14 @@ def dask_pool(address: str, answer_s: float = _ANSWER_S) -> Pool:
                 raise RunFailed(f"the cluster lost a run ({error}); the same command goes on where it was") from error
 
     return carry_out
+
+
+def _check_address(distributed: Any, address: str) -> None:
+    """Refuse what is no address before a client is made of it: such a client waits for nobody when it is dropped."""
+    try:
+        distributed.comm.get_address_host(address)
+    except ValueError as error:
+        raise BadInput(f"--scheduler {address}: {error}: write an address such as tcp://10.0.0.1:8786") from error
 
 
 def _distributed() -> Any:

@@ -379,8 +379,15 @@ def test_a_dask_cluster_gives_the_same_table(plan: SweepPlan, undisturbed: Sweep
 
 
 def test_a_scheduler_that_does_not_answer() -> None:
-    """An address where nobody listens, or that is none, is an error after the time that it is given."""
+    """An address where nobody listens is an error after the time that it is given."""
     pytest.importorskip("distributed")
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        with pytest.raises(BadInput, match=r"--scheduler .* does not answer"):
-            dask_pool(address, answer_s=0.5)
+    with pytest.raises(BadInput, match=r"--scheduler .* does not answer"):
+        dask_pool("tcp://127.0.0.1:9", answer_s=0.5)
+
+
+@pytest.mark.parametrize("address", ["somewhere", "nonsense://127.0.0.1:9", "tcp://127.0.0.1:port", ""])
+def test_what_is_no_address(address: str) -> None:
+    """It is refused at once, and nothing is left behind that complains later."""
+    pytest.importorskip("distributed")
+    with pytest.raises(BadInput, match=r"--scheduler .*: write an address such as tcp://"):
+        dask_pool(address)
