@@ -43,7 +43,7 @@ class OnePicture(NamedTuple):
 
 ONE_PICTURE = {
     "formation-world": OnePicture("formation_world", ("motion", "view", "passage"), "formation-world.png", 160_000),
-    "averages": OnePicture("averages", ("contraction", "one-way"), "averages-one-way.png", 120_000),
+    "averages": OnePicture("averages", ("contraction", "one-way"), "averages-one-way.png", 160_000),
     "so3": OnePicture("so3", ("bounds", "noise", "anchor"), "so3-consensus.png", 120_000),
 }
 
