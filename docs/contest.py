@@ -180,7 +180,7 @@ def own(kind: str, repeat: int, runs: str, workers: int | None) -> Iterator[str]
 def again_over_zenoh() -> Iterator[str]:
     """Some runs as ten processes over Zenoh in lockstep pace, beside those of the twin in the table."""
     contenders = {name: FILTERS[name] for name in ("hybrid by contributions", "event-triggered")}
-    where = ("ring: loss 0.3", "star: late")
+    where = ("ring: loss 0.3", "star: late", "geometric: radio")
     over = {**axes(contenders), "setting": {name: settings()[name] for name in where}}
     kept = {(one.contender, f"{one.graph}: {one.condition}", one.seed): one for one in read()}
     done = volery.sweep(SCENARIO, over, engine="zenoh", runs="runs", name="contest-zenoh", fresh=True)

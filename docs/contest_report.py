@@ -123,6 +123,7 @@ def claims(results: Results) -> Iterator[str]:
     yield from honesty(results)
     yield from equality(results)
     yield from winners(results)
+    yield from crowding(results)
     yield from stability(results)
 
 
@@ -175,6 +176,18 @@ def beaten(results: Results, best: str, condition: str) -> str:
             break
         wins += 1
     return f"{wins} of {len(chances)}"
+
+
+def crowding(results: Results) -> Iterator[str]:
+    """How many frames arrive on the radio, where least and where most do, and the order of all contenders there."""
+    arrived = sorted(
+        (float(np.mean([one.delivered for one in results.of(who, "radio", graph)])), f"{who}, {graph}")
+        for who in CONTENDERS
+        for graph in GRAPHS
+    )
+    (least, there), (most, elsewhere) = arrived[0], arrived[-1]
+    yield f"radio: from {least:.0%} ({there}) to {most:.0%} of the frames arrive ({elsewhere})"
+    yield "radio: " + ", ".join(f"{place} {who}" for who, place in results.ranks("radio").items())
 
 
 def stability(results: Results) -> Iterator[str]:
