@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Literal
@@ -113,20 +113,6 @@ class ConsensusFilter:
         """
         self.own.predict(time_ns, forces)
         self._history.record(time_ns, np.asarray(forces, dtype=np.float64).reshape(-1, 3))
-
-    def coast(self, time_ns: int, forces: Callable[[NDArray[np.float64]], ArrayLike]) -> None:
-        """Move on to an instant that may be far, in steps of the model, each with the forces of the estimate there.
-
-        Args:
-            time_ns: the instant [ns], later than the one before.
-            forces: x̂ → u, such as u = −K (x̂ − x_ref).
-        Raises:
-            BadInput: as `FormationFilter.predict`.
-        """
-        step_ns = self.own.model.step_ns
-        while self.own.time_ns + step_ns < time_ns:
-            self.predict(self.own.time_ns + step_ns, forces(self.own.state))
-        self.predict(time_ns, forces(self.own.state))
 
     def receive(self, message: Message) -> None:
         """Take a message; it is folded into the next update that is not before its stamp.

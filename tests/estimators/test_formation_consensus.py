@@ -300,19 +300,6 @@ def test_messages_out_of_reach_are_dropped_and_counted() -> None:
     assert not np.allclose(one.own.state, before)
 
 
-def test_a_vehicle_coasts_by_its_own_control_over_a_gap() -> None:
-    """Over two seconds in steps of the model: an offset of the formation decays as the closed loop lets it."""
-    gain, reference = regulator(MODEL), np.zeros(12)
-    one = ConsensusFilter(FormationFilter(MODEL, np.ones(12), (0.3, 0.3)))
-    steps = FormationFilter(MODEL, np.ones(12), (0.3, 0.3))
-    one.coast(2_000_000_000, lambda state: control(gain, state, reference))
-    for k in range(60):
-        steps.predict((k + 1) * STEP_NS, control(gain, steps.state, reference))
-    # 2 s are 60 steps and 20 ns; velocities stay below 1.5 m/s.
-    np.testing.assert_allclose(one.own.state, steps.state, rtol=0, atol=2e-7)
-    assert one.own.time_ns == 2_000_000_000
-
-
 @pytest.mark.parametrize(
     ("delay", "largest"),
     [("compensate", 0.5), ("ignore", np.inf)],
