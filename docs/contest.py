@@ -117,7 +117,7 @@ def axes(contenders: Mapping[str, str] = FILTERS) -> dict[str, Mapping[str, list
 
 def run(repeat: int, runs: str, workers: int | None) -> Sweep:
     """Carry the contest out, or go on with it."""
-    return volery.sweep(SCENARIO, axes(), repeat=repeat, runs=runs, name="contest", workers=workers)
+    return volery.sweep(SCENARIO, axes(), repeat=repeat, runs=runs, name="contest", workers=workers, progress=True)
 
 
 def results(done: Sweep) -> Iterator[Result]:
@@ -170,7 +170,7 @@ def own(kind: str, repeat: int, runs: str, workers: int | None) -> Iterator[str]
         raise BadInput(
             f"--repeat {repeat}: {TABLE.name} has no such seeds of the others: run the contest with them first"
         )
-    done = volery.sweep(SCENARIO, axes({kind: kind}), repeat=repeat, runs=runs, workers=workers)
+    done = volery.sweep(SCENARIO, axes({kind: kind}), repeat=repeat, runs=runs, workers=workers, progress=True)
     everything = contest_report.Results([*kept, *results(done)])
     for condition in CONDITIONS:
         rank = everything.ranks(condition, also=kind)[kind]
@@ -183,7 +183,7 @@ def again_over_zenoh() -> Iterator[str]:
     where = ("ring: loss 0.3", "star: late", "geometric: radio")
     over = {**axes(contenders), "setting": {name: settings()[name] for name in where}}
     kept = {(one.contender, f"{one.graph}: {one.condition}", one.seed): one for one in read()}
-    done = volery.sweep(SCENARIO, over, engine="zenoh", runs="runs", name="contest-zenoh", fresh=True)
+    done = volery.sweep(SCENARIO, over, engine="zenoh", runs="runs", name="contest-zenoh", fresh=True, progress=True)
     for one in results(done):
         twin = kept[one.contender, f"{one.graph}: {one.condition}", one.seed]
         same = all(

@@ -12,10 +12,10 @@ from ...errors import BadInput
 from ..analysis.statistics import CONFIDENCE
 from ..running import Engine
 from ..sweeps.compare import RATHER_LARGE, contests, default_by, defined, entries, main_measure
-from ..sweeps.plan import SweepPlan, plan_sweep
-from ..sweeps.progress import SweepProgress
+from ..sweeps.plan import plan_sweep
+from ..sweeps.progress import run_shown
 from ..sweeps.results import TABLE_FILE, Sweep, is_sweep, load_sweep
-from ..sweeps.sweep import SweepOptions, run_sweep
+from ..sweeps.sweep import SweepOptions
 from ..sweeps.tables import contest_table, notes, too_few_seeds
 from .output import output, print_note, print_plain
 from .parameters import RUNS, Overrides, RunsFolder, ScenarioSource
@@ -73,7 +73,7 @@ def sweep(
         raise BadInput("--pace is for swarms over Zenoh: add --engine zenoh, or leave it out")
     plan = plan_sweep(scenario, set_, over, random, options.engine)
     try:
-        done = _watched(plan, options)
+        done = run_shown(plan, options, output())
     except KeyboardInterrupt:
         if not is_sweep(options.folder(plan)):
             raise
@@ -84,11 +84,6 @@ def sweep(
         return INTERRUPTED
     _print(done)
     return 0
-
-
-def _watched(plan: SweepPlan, options: SweepOptions) -> Sweep:
-    with SweepProgress(output(), plan.name) as progress:
-        return run_sweep(plan, options, watch=progress.show)
 
 
 def _print(sweep: Sweep) -> None:

@@ -1,53 +1,36 @@
-"""The live display of a sweep: a bar with the time left in a terminal, elsewhere a line at each tenth."""
+"""The live display of a sweep: a bar with the time left in a terminal, elsewhere lines."""
 
 from __future__ import annotations
 
-from typing import Self
-
 from rich.console import Console
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
 
-from .sweep import Advance
+from .display import Display, bar
+from .plan import SweepPlan
+from .results import Sweep
+from .sweep import Advance, SweepOptions, run_sweep
 
-_LINES = 10
-_BAR = 40
 _MINUTE, _HOUR = 60, 3600
 
 
-class SweepProgress:
+class SweepProgress(Display):
     """Shows how far a sweep has come."""
 
     def __init__(self, console: Console, name: str) -> None:
-        self._console = console
+        super().__init__(console)
         self._name = name
-        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
-        self._line: int | None = None
-
-    def __enter__(self) -> Self:
-        """Begin to show."""
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the terminal as it was."""
-        if self._live is not None:
-            self._live.stop()
 
     def show(self, advance: Advance) -> None:
-        """Show how far it is now."""
-        if self._live is not None:
-            head = Table.grid(padding=(0, 2))
-            bar = ProgressBar(total=advance.total, completed=advance.finished, width=_BAR)
-            head.add_row(self._name, bar, words(advance))
-            self._live.update(head, refresh=True)
-            return
-        line = _LINES * advance.finished // advance.total
-        if line != self._line:
-            self._line = line
-            self._console.print(words(advance), markup=False, soft_wrap=True)
+        """Show how far it is now, unless that was shown just before."""
+        share = advance.finished / advance.total
+        if self.due(share, advance.seconds):
+            said = words(advance)
+            self.show_now(bar(self._name, share, said), said)
+
+
+def run_shown(plan: SweepPlan, options: SweepOptions, console: Console) -> Sweep:
+    """Carry out a sweep as `run_sweep` does, and show how far it is."""
+    with SweepProgress(console, plan.name) as progress:
+        return run_sweep(plan, options, watch=progress.show)
 
 
 def words(advance: Advance) -> str:

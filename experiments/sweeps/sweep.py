@@ -6,15 +6,13 @@ import contextlib
 import shutil
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ...errors import BadInput
 from ..running import Engine
-from .axes import Over
-from .plan import SweepPlan, plan_sweep
+from .plan import SweepPlan
 from .pools import Pool, cores, dask_pool, local_pool
 from .results import KEPT, Journal, Row, Sweep, is_sweep, write_table
 
@@ -120,14 +118,3 @@ def _drop(folder: Path) -> None:
     if not is_sweep(folder):
         raise BadInput(f"{folder} holds no sweep, so it is not dropped: choose another --name")
     shutil.rmtree(folder)
-
-
-def sweep(
-    scenario: str | Path | Mapping[str, Any],
-    over: Sequence[str] | Over,
-    overrides: Sequence[str] = (),
-    random: int | None = None,
-    options: SweepOptions = SweepOptions(),
-) -> Sweep:
-    """Plan and carry out a sweep, without a display; see `plan_sweep` and `run_sweep`."""
-    return run_sweep(plan_sweep(scenario, overrides, over, random, options.engine), options)

@@ -82,6 +82,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
     scheduler: str | None = None,
     keep: bool = False,
     fresh: bool = False,
+    progress: bool = False,
 ) -> Sweep:
     """Run a scenario over ranges of its fields, many times each, and give the table of all runs.
 
@@ -102,17 +103,22 @@ def sweep(  # noqa: PLR0913 - all but two by name
         scheduler: address of a Dask scheduler whose workers do the work instead.
         keep: whether to keep the folder of each run.
         fresh: whether to drop results that are there.
+        progress: whether to show on the standard error how far it is, and the time left.
     Returns:
         The sweep; `table` has its columns as arrays, one entry a run, `folder` is where table.parquet is.
     Raises:
         BadInput: a field that does not exist, an empty range, an option that does not fit, results of another sweep.
         RunFailed: a run could not be carried through; what is finished is kept.
     """
-    from .experiments.sweeps.sweep import SweepOptions
-    from .experiments.sweeps.sweep import sweep as carry_out
+    from rich.console import Console
+
+    from .experiments.sweeps.plan import plan_sweep
+    from .experiments.sweeps.progress import run_shown
+    from .experiments.sweeps.sweep import SweepOptions, run_sweep
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
-    return carry_out(scenario, over, overrides, random, options)
+    plan = plan_sweep(scenario, overrides, over, random, options.engine)
+    return run_shown(plan, options, Console(stderr=True)) if progress else run_sweep(plan, options)
 
 
 def load(folder: str | Path) -> Run:

@@ -46,6 +46,12 @@ def test_lines_where_the_output_is_no_terminal() -> None:
     assert lines[5].endswith("disagreement 0.0123; in force: t1: cut 4–7")
 
 
+def test_no_minute_of_a_slow_run_is_silent() -> None:
+    """Statuses that come 70 s apart, two to each tenth of the run: each has a line."""
+    ticks = (70.0 * tick for tick in range(100))
+    assert shown(Console(file=io.StringIO(), width=200), ticks).count("agents alive") == 20
+
+
 def test_panel_in_a_terminal() -> None:
     """In a terminal the panel is drawn in place, at most ten times a second, and removed in the end.
 

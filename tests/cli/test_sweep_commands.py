@@ -163,7 +163,7 @@ def test_ctrl_c_says_how_to_go_on(volery: Volery, monkeypatch: pytest.MonkeyPatc
 
 
 def test_progress_has_the_time_left() -> None:
-    """A line at each tenth where the output is no terminal, a bar where it is."""
+    """A line at each tenth where the output is no terminal and that is often enough, a bar where it is one."""
     seen = StringIO()
     with SweepProgress(Console(file=seen, width=100), "name") as progress:
         for finished in range(101):
@@ -177,3 +177,17 @@ def test_progress_has_the_time_left() -> None:
         progress.show(Advance(10, 100, 10, 2.0))
     assert "10 of 100 runs, 5 runs/s, 18 s left" in terminal.getvalue()
     assert [duration(seconds) for seconds in (59.4, 61, 7265)] == ["59 s", "1 min 01 s", "2 h 01 min"]
+
+
+def test_no_minute_of_long_work_is_silent() -> None:
+    """7,280 runs at 4 a second, where the output is no terminal: a line a minute, and at each tenth besides."""
+    seen = StringIO()
+    with SweepProgress(Console(file=seen, width=100), "name") as progress:
+        for finished in range(7281):
+            progress.show(Advance(finished, 7280, finished, finished / 4))
+    lines = seen.getvalue().splitlines()
+    # A tenth is 182 s: each but the last begins with the line of its tenth, and has three more, a minute apart.
+    assert len(lines) == 10 * 4 + 1
+    assert lines[0] == "0 of 7,280 runs"
+    assert lines[1] == "240 of 7,280 runs, 4 runs/s, 29 min 20 s left"
+    assert [line.split(" of ")[0] for line in lines[2:6]] == ["480", "720", "728", "968"]
