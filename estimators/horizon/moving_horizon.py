@@ -138,14 +138,15 @@ class MovingHorizon:
         deviations, bounds = step_deviations(noise, inputs.measured)
         missing = np.isnan(self._measured)
         present = model.components(self._states)
+        off = model.difference(np.concatenate([self._prior[np.newaxis], following]), self._states)
         return Window(
             A=A,
             B=B,
-            defects=model.difference(following, self._states[1:]),
+            defects=off[1:],
             C=C,
             residuals=np.where(missing, 0.0, self._measured - expected),
             weights=np.where(missing, 0.0, 1.0 / noise.measurements),
-            mean=model.difference(self._prior[np.newaxis], self._states[:1])[0],
+            mean=off[0],
             factor=np.asarray(np.linalg.cholesky(self._covariance), dtype=np.float64),
             reference=self._disturbances,
             deviations=deviations,

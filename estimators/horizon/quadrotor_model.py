@@ -173,26 +173,30 @@ class QuadrotorModel:
         return state
 
     def dynamics(self, states: Floats, inputs: Floats, disturbances: Floats) -> tuple[Floats, Floats, Floats]:
-        """The next states, A and B; see `error_state.Model`."""
+        """The next states, A and B; see `error_state.Model`.
+
+        A step is two half turns v = ½ ω T, exp(2 v) = exp(v) ⊙ exp(v), so its Jacobian J(2 v) is ½ (R(−v) J(v) + J(v)).
+        """
         T, n, N = self.step_s, len(states), self.size
         rates, forces = self._corrected(states, inputs, disturbances)
-        turn = T * rates
-        full, half = exp_quaternions(turn), to_matrices(exp_quaternions(0.5 * turn))
-        middle = to_matrices(states[:, _Q]) @ half
+        turns = 0.5 * T * rates
+        half = exp_quaternions(turns)
+        halfway = quaternion_products(states[:, _Q], half)
+        middle, back, J = to_matrices(halfway), to_matrices(conjugates(half)), right_jacobians(turns)
         swung = middle @ skews(forces)
         gravity = -GRAVITY if self.printed_accelerometer else GRAVITY
         following = states.copy()
-        following[:, _Q] = normalised_rows(quaternion_products(states[:, _Q], full))
+        following[:, _Q] = normalised_rows(quaternion_products(halfway, half))
         following[:, _V] += T * ((middle @ forces[:, :, np.newaxis])[:, :, 0] + gravity)
         following[:, _Z] += 0.5 * T * (states[:, 6] + following[:, 6])
         following[:, 8:] += disturbances[:, 6:]
         A, B = np.zeros((n, N, N)), np.zeros((n, N, disturbances.shape[1]))
         A[:] = np.eye(N)
-        A[:, _THETA, _THETA] = to_matrices(conjugates(full))
-        A[:, _DV, _THETA] = -T * swung @ half.transpose(0, 2, 1)
+        A[:, _THETA, _THETA] = back @ back
+        A[:, _DV, _THETA] = -T * swung @ back
         A[:, _DZ, _THETA], A[:, _DZ, 5] = 0.5 * T * A[:, 5, _THETA], T
-        B[:, _THETA, GYROSCOPE] = -T * right_jacobians(turn)
-        B[:, _DV, GYROSCOPE] = (0.5 * T * T) * swung @ right_jacobians(0.5 * turn)
+        B[:, _THETA, GYROSCOPE] = -0.5 * T * (back @ J + J)
+        B[:, _DV, GYROSCOPE] = (0.5 * T * T) * swung @ J
         B[:, _DV, ACCELEROMETER] = -T * middle
         B[:, _DZ] = 0.5 * T * B[:, 5]
         if self.gyroscope_bias:

@@ -7,8 +7,6 @@ last axis, for worlds of few bodies.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +14,9 @@ Floats = NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-2
 """Up to here two terms of (θ − sin θ)/θ³ are exact to 2e-12; below it the difference itself loses digits."""
+_LEAST = float(np.finfo(np.float64).tiny)
+"""A squared length counts for no less, so that one can divide by lengths: sin x / x of its root is 1."""
+_IDENTITY = np.eye(3)
 _GENERATORS = np.zeros((3, 9))
 """Vectors → the nine entries of their skew matrices."""
 _GENERATORS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
@@ -44,29 +45,28 @@ def conjugates(q: Floats) -> Floats:
 
 def normalised_rows(q: Floats) -> Floats:
     """Unit quaternions in the directions of q; what is not finite stays so."""
-    return np.asarray(q / np.sqrt((q * q).sum(axis=1, keepdims=True)))
+    return np.asarray(q / np.sqrt(np.vecdot(q, q))[:, np.newaxis])
 
 
 def exp_quaternions(rotvecs: Floats) -> Floats:
     """Unit quaternions of rotation vectors [rad]."""
-    half = 0.5 * _lengths(rotvecs)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / math.pi) * rotvecs], axis=1)
+    angles = _lengths(rotvecs)
+    half = 0.5 * angles
+    return np.concatenate([np.cos(half), np.sin(half) / angles * rotvecs], axis=1)
 
 
 def log_quaternions(q: Floats) -> Floats:
     """Rotation vectors [rad] of unit quaternions, the shorter way round."""
-    vectors = np.where(q[:, :1] < 0.0, -q[:, 1:], q[:, 1:])
+    cosines, vectors = q[:, :1], q[:, 1:]
     sines = _lengths(vectors)
-    some = np.where(sines > 0.0, sines, 1.0)
-    return np.asarray(vectors * np.where(sines > 0.0, 2.0 * np.arctan2(sines, abs(q[:, :1])) / some, 2.0))
+    halves = np.where(cosines < 0.0, -1.0, 1.0) * np.arctan2(sines, abs(cosines))
+    return np.asarray(2.0 * halves / sines * vectors)
 
 
 def to_matrices(q: Floats) -> Floats:
     """Rotation matrices of unit quaternions, v vᵀ + w² 1 + 2 w skew(v) + skew(v)², v the vector part."""
     K = skews(q[:, 1:])
-    matrices = 2.0 * (K @ K + q[:, :1, np.newaxis] * K)
-    matrices[:, (0, 1, 2), (0, 1, 2)] += 1.0
-    return matrices
+    return np.asarray(2.0 * (K @ K + q[:, :1, np.newaxis] * K) + _IDENTITY)
 
 
 def skews(v: Floats) -> Floats:
@@ -77,15 +77,14 @@ def skews(v: Floats) -> Floats:
 def right_jacobians(rotvecs: Floats) -> Floats:
     """Matrices J with exp(v + δ) = exp(v) ⊙ exp(J δ) to first order in δ."""
     angles = _lengths(rotvecs)[:, :, np.newaxis]
-    squares = angles**2
+    first = 2.0 * (np.sin(0.5 * angles) / angles) ** 2
     safe = np.maximum(angles, _SMALL_ANGLE)
     exact = (safe - np.sin(safe)) / safe**3
-    second = np.where(angles > _SMALL_ANGLE, exact, 1.0 / 6.0 - squares / 120.0)
+    second = np.where(angles > _SMALL_ANGLE, exact, 1.0 / 6.0 - angles**2 / 120.0)
     K = skews(rotvecs)
-    jacobians = second * (K @ K) - 0.5 * np.sinc(angles / (2.0 * math.pi)) ** 2 * K
-    jacobians[:, (0, 1, 2), (0, 1, 2)] += 1.0
-    return np.asarray(jacobians)
+    return np.asarray(second * (K @ K) - first * K + _IDENTITY)
 
 
 def _lengths(v: Floats) -> Floats:
-    return np.asarray(np.sqrt((v * v).sum(axis=1, keepdims=True)))
+    """Lengths of the rows, (n, 1), above 0 even for rows of zeros."""
+    return np.asarray(np.sqrt(np.maximum(np.vecdot(v, v), _LEAST)))[:, np.newaxis]
