@@ -10,6 +10,9 @@ from ...errors import BadInput
 from ...estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot, Sensor
 from ...estimators.altitude.modular_filter import GroundJumps, ModularFilter, check_names
 from ...units import Hertz, Nanoseconds
+from ..idle import refuse_idle
+
+_FLOOR = ("level", "floor_noise")
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,12 @@ class AltitudeEkfParameters:
         if self.history < 0:
             raise BadInput(f"history is {self.history} ns, it must be at least 0")
         check_names([name for name, _ in self.components()])
+        if self.jumps.variant == "as_printed":
+            because = "jumps.variant is as_printed, which trusts every innovation: leave it out, or choose gate"
+            refuse_idle(self.jumps, ("gate", "jump", *_FLOOR), because, "jumps.")
+        if self.jumps.variant == "gate":
+            because = "jumps.variant is gate, which knows no floor: leave it out, or choose gate_and_floor"
+            refuse_idle(self.jumps, _FLOOR, because, "jumps.")
 
     def components(self) -> list[tuple[str, Sensor]]:
         """The sensors' components by name, of one kind after the other."""

@@ -18,7 +18,7 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
 from volery.estimators.altitude.components import Barometer, Floats, Imu, RangeFinder
-from volery.estimators.altitude.modular_filter import GroundJumps
+from volery.estimators.altitude.modular_filter import GroundJumps, Variant
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import Samples, samples
 from volery.experiments.twin import recorded
@@ -245,6 +245,11 @@ def test_a_hub_has_no_sensor_of_its_own() -> None:
     assert text.startswith("hub has barometer of its own")
 
 
+def jumping(variant: Variant, **fields: float) -> dict[str, Any]:
+    """Parameters of a filter with this variant and other values of some fields of it."""
+    return {**PARTS, "jumps": GroundJumps(variant, **fields)}
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -252,9 +257,19 @@ def test_a_hub_has_no_sensor_of_its_own() -> None:
         ({**PARTS, "range_finders": {"baro": RangeFinder()}}, "component baro is named twice"),
         ({**PARTS, "rate": 0.0}, "rate is 0 Hz"),
         ({**PARTS, "history": -1}, "history is -1 ns"),
+        (jumping("as_printed", gate=3.0), r"jumps\.gate is 3, and jumps\.variant is as_printed, .*: leave it out"),
+        (jumping("as_printed", jump=2.0), r"jumps\.jump is 2 m, and"),
+        (jumping("gate", level=0.3), r"jumps\.level is 0\.3 m, and jumps\.variant is gate, which knows no floor"),
+        (jumping("gate", floor_noise=0.3), r"jumps\.floor_noise is 0\.3 m, and"),
     ],
 )
 def test_parameters_that_make_no_filter(fields: dict[str, Any], message: str) -> None:
     """At once, with the remedy."""
     with pytest.raises(BadInput, match=message):
         AltitudeEkfParameters(**fields)
+
+
+def test_what_a_variant_reads_may_be_said() -> None:
+    """Each variant with all of its own fields, and a default that another one would read."""
+    AltitudeEkfParameters(**jumping("gate", gate=3.0, jump=2.0, level=0.15))
+    AltitudeEkfParameters(**jumping("gate_and_floor", gate=3.0, jump=2.0, level=0.3, floor_noise=0.1))
