@@ -13,6 +13,7 @@ from ...errors import BadInput
 from ...estimators.attitude.dynamic_consensus import ToldAttitude
 from ...units import Hertz, Nanoseconds, Radians, period_ns
 from .. import payloads
+from ..idle import refuse_idle
 from ..payloads import DamagedPayload, Precision
 
 COUNTS = 2**16
@@ -72,6 +73,8 @@ class AttitudeParameters:
             raise BadInput(
                 f"forget is {self.forget / 1e9:g} s, shorter than from one sample to the next: make it longer"
             )
+        if self.trust is None:
+            refuse_idle(self, ("forget",), "without trust no residual is looked at: leave it out, or write trust too")
 
     def mounting(self, name: str) -> Angles | None:
         """How a unit is mounted, as far as it is known."""
