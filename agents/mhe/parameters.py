@@ -16,6 +16,7 @@ from ...estimators.horizon.quadratic_programs import Solver
 from ...estimators.horizon.quadrotor_model import Deviations, QuadrotorModel
 from ...rotations import euler_to_quaternion
 from ...units import Hertz, Metres, MetresPerSecondSquared, Nanoseconds, Radians, RadiansPerSecond
+from ..idle import refuse_idle
 
 Configuration = Literal["A", "B"]
 Printed = Literal["accelerometer", "range"]
@@ -23,6 +24,8 @@ Floats = NDArray[np.float64]
 
 _ATTITUDE_SD, _VELOCITY_SD, _HEIGHT_SD = 0.05, 0.1, 0.1
 _GYROSCOPE_BIAS_SD, _ACCELEROMETER_BIAS_SD = 0.02, 0.2
+_OF_A = ("largest_accelerometer", "lowest", "altitude", "arm", "flow_at")
+_NOISE_OF_A = ("flow", "ranges", "accelerometer_gap")
 _LOST = 20.0
 """So many times wider is the first guess of one that begins in the middle of a run."""
 
@@ -79,11 +82,24 @@ class MheParameters:
             raise BadInput(f"configurations is {list(self.configurations)}: write A, B, or both, each once")
         if self.accelerometer_bias and "A" not in self.configurations:
             raise BadInput("accelerometer_bias is true, and configuration B has no such state: add A, or leave it out")
+        self._refuse_idle()
         if self.altitude < self.lowest:
             raise BadInput(f"altitude is {self.altitude:g} m, and lowest {self.lowest:g} m: it starts out of its bound")
         self._check_sensors()
         for configuration in self.configurations:
             self.model(configuration)
+
+    def _refuse_idle(self) -> None:
+        if "A" not in self.configurations:
+            because = "only configuration A reads it: add A, or leave it out"
+            refuse_idle(self, _OF_A, because)
+            refuse_idle(self.noise, _NOISE_OF_A, because, "noise.")
+            if "range" in self.as_printed:
+                raise BadInput(f"as_printed names range, and {because}")
+        for sensor in ("gyroscope", "accelerometer"):
+            if not getattr(self, f"{sensor}_bias"):
+                because = f"{sensor}_bias is no state: leave it out, or write {sensor}_bias: true"
+                refuse_idle(self.noise, (f"{sensor}_walk",), because, "noise.")
 
     def _check_sensors(self) -> None:
         names = [sensor for sensors in self.sensors.values() for sensor in sensors]
