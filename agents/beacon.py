@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ..errors import BadInput
 from ..units import Bytes, Hertz, first_period, period_ns
 from .agent import Agent, Context, Received, Timer
+from .idle import refuse_idle
 from .plan import Plan
 
 _SEND, _REPORT = "send", "report"
@@ -44,6 +45,8 @@ class BeaconParameters:
             raise BadInput(f"size is {self.size} B, a payload has at least 1 B")
         if not self.talkers:
             raise BadInput("talkers is empty, so nobody would send: write all, leaves, or names of agents")
+        if self.pattern == "poisson":
+            refuse_idle(self, ("phase",), "pattern is poisson, which has no phase: leave it out, or choose periodic")
 
     @property
     def named(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..errors import BadInput
@@ -54,9 +54,11 @@ def build_quadrotor(
         raise BadInput(f"world.flow_at: {place!r} must be three lengths, as in [0.1 m, 0.05 m, 0 m]")
     x, y, z = (quantity(length, "m", "world.flow_at") for length in place)
     with at("world"):
+        carriers = _carriers(required(spec, "sensors", "world"), agents)
+        _check_carried(spec, {sensor for carried in carriers.values() for sensor in carried})
         return QuadrotorWorld(
             Manoeuvre(**asked, altitude=altitude),
-            _carriers(required(spec, "sensors", "world"), agents),
+            carriers,
             seed,
             _rates(spec),
             Airframe(arm=quantity(spec.get("arm", "0.7 m"), "m", "world.arm")),
@@ -72,6 +74,14 @@ def _carriers(spec: Any, agents: Sequence[str]) -> dict[str, tuple[str, ...]]:
     for agent in spec:
         choice(str(agent), agents, "sensors")
     return {str(agent): tuple(_words(carried, DEVIATIONS, f"sensors.{agent}")) for agent, carried in spec.items()}
+
+
+def _check_carried(spec: Mapping[str, Any], carried: Collection[str]) -> None:
+    """Refuse what is said of a sensor that nobody carries."""
+    said = [(sensor, f"rates.{sensor}") for sensor in spec.get("rates", {}) if sensor in DEVIATIONS]
+    for sensor, place in (*said, *((("flow", "flow_at"),) if "flow_at" in spec else ())):
+        if sensor not in carried:
+            raise BadInput(f"{place} is of a sensor that no agent carries: leave it out, or add {sensor} to sensors")
 
 
 def _words(spec: Any, known: Sequence[str] | Mapping[str, Any], place: str) -> list[str]:

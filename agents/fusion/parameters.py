@@ -9,6 +9,7 @@ from typing import Literal
 from ...errors import BadInput
 from ...estimators.distributed.filters import FilterChoice, choose_filter
 from .. import payloads
+from ..idle import refuse_idle
 
 COUNTS = 2**16
 """Samples are counted modulo this on the wire."""
@@ -48,6 +49,9 @@ class FusingParameters:
             raise BadInput(
                 "payload is float16, in which information of small noises has no room: use float32 or float64"
             )
+        if self.late == "drop":
+            because = "late is drop, so no message is run forward: leave it out, or write late: run-forward"
+            refuse_idle(self, ("memory",), because)
         self.chosen()
 
     def chosen(self) -> FilterChoice:

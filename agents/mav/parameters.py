@@ -30,6 +30,7 @@ from ...units import (
     RadiansPerSecond,
     period_ns,
 )
+from ..idle import refuse_idle
 from ..payloads import Precision
 from .messages import Kind, Layout, Told
 
@@ -63,6 +64,15 @@ class Filtering:
         """Check what the filter does not."""
         if not 0 < self.camera_noise < math.inf:
             raise BadInput(f"camera_noise is {self.camera_noise:g} m, it must be above 0")
+        if self.delay == "ignore":
+            because = "delay is ignore, which runs no message forward: leave it out, or write delay: compensate"
+            refuse_idle(self, ("history",), because, "filtering.")
+        if self.fusion == "kalman":
+            because = "fusion is kalman, which weighs nothing: leave it out, or write fusion: intersection"
+            refuse_idle(self, ("weighting",), because, "filtering.")
+        if self.fusion == "intersection":
+            because = "fusion is intersection, which takes the covariance that messages bear: leave it out"
+            refuse_idle(self, ("message_noise",), because, "filtering.")
 
     def settings(self) -> ConsensusSettings:
         """For the consensus filter: communication noise five times as large for velocities."""
@@ -99,6 +109,12 @@ class Frames:
     anchor: float = 0.02
     noise: Radians = _DEGREE
     upright: Radians = _DEGREE
+
+    def __post_init__(self) -> None:
+        """Check that all of it is read."""
+        if not self.consensus:
+            because = "consensus is false, so no frame moves towards another: leave it out, or write consensus: true"
+            refuse_idle(self, ("step", "anchor"), because, "frames.")
 
 
 @dataclass(frozen=True)

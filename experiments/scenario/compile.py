@@ -131,6 +131,9 @@ def _agents(graph: nx.Graph, kinds: Mapping[str, AgentKind], *, placed: bool) ->
 def _links(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
     links = dict.fromkeys(places.links, scenario.links.base)
     for index, override in enumerate(scenario.links.only):
+        if not override.changes:
+            text = "says where, and nothing that differs there: write for example loss: 0.3, or leave it out"
+            problems.append(Problem(("links", "only", index), text))
         try:
             changed = changed_links(override.where, override.changes, replace(places, fault_id=f"only{index + 1}"))
         except BadInput as error:

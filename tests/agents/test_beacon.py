@@ -154,6 +154,10 @@ def test_what_cannot_be_is_refused() -> None:
         ({"report": math.inf}, "report is inf Hz"),
         ({"size": 0}, "size is 0 B"),
         ({"talkers": ()}, "talkers is empty"),
+        (
+            {"pattern": "poisson", "phase": "aligned"},
+            "phase is aligned, and pattern is poisson, which has no phase: leav",
+        ),
     ):
         with pytest.raises(BadInput, match=message):
             BeaconParameters(**wrong)

@@ -239,6 +239,23 @@ def test_the_centre_is_pushed_by_differences_only() -> None:
         (["agents.filtering.message_noise=0 m"], "position_noise is 0"),
         (["agents.filtering.acceleration_noise=0 m/s²"], "acceleration_noise is 0"),
         (["agents.frames.step=1.2"], "step is 1.2"),
+        (
+            ["agents.frames={consensus: false, step: 0.2}"],
+            r"frames\.step is 0\.2, and consensus is false, .*: leave it out",
+        ),
+        (["agents.frames={consensus: false, anchor: 0.1}"], r"frames\.anchor is 0\.1, and consensus is false"),
+        (
+            ["agents.filtering={delay: ignore, history: 2 s}"],
+            r"filtering\.history is 2000000000 ns, and delay is ignore",
+        ),
+        (
+            ["agents.filtering.weighting=fast"],
+            r"filtering\.weighting is fast, and fusion is kalman, which weighs nothing",
+        ),
+        (
+            ["agents.filtering={fusion: intersection, message_noise: 2 cm}"],
+            r"filtering\.message_noise is 0\.02 m, and fusion is intersection",
+        ),
         (["agents.script=[{at: 1 s, reference: C}]"], "names reference 'C', and there is A, B"),
         (["agents.script=[{at: 2 s, reference: B}, {at: 1 s, reference: A}]"], "script goes back in time"),
         (["agents.camera_range=0.5 m"], "no measured pair joins vehicles"),

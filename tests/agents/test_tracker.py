@@ -182,6 +182,10 @@ def test_a_filter_of_ones_own_runs_by_its_module() -> None:
         ("agents.filter=hybrid/mean", "averaging 'mean' is not known"),
         ("agents.rounds=0", "rounds is 0, at least 1 is needed"),
         ("agents.memory=0", "memory is 0"),
+        (
+            "agents={kind: tracker, late: drop, memory: 4}",
+            "memory is 4, and late is drop, so no message is run forward",
+        ),
         ("agents.payload=float16", "payload is float16"),
         ("agents.noise=0 m", "noise is 0"),
         ("agents={kind: tracker, options: {gain: 1}}", "has no option 'gain'"),

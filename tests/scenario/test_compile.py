@@ -17,7 +17,7 @@ from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
 from volery.transport.media import HalfDuplex, Tdma
 
-from .conftest import Load
+from .conftest import Load, Refusal
 
 
 def test_agents_come_in_natural_order_with_their_neighbourhood(load: Load) -> None:
@@ -45,6 +45,12 @@ def test_later_overrides_of_links_lie_on_top(load: Load) -> None:
     assert plan.links["1", "2"].loss == (Bernoulli(0.5),)
     assert (plan.links["2", "1"].loss, plan.links["2", "1"].latency) == ((), Constant(9_000_000))
     assert plan.links["2", "3"] == load().links.base
+
+
+def test_an_entry_of_links_that_changes_nothing_is_refused(refusal: Refusal) -> None:
+    """At its place, with an example of what could differ."""
+    message = refusal("links.only=[{where: 1, loss: 0.5}, {where: 1-2}]")
+    assert "links.only.1: says where, and nothing that differs there: write for example loss: 0.3" in message
 
 
 def test_faults_get_ids_in_order_and_times(load: Load) -> None:

@@ -168,6 +168,14 @@ def test_a_scenario_says_who_carries_what() -> None:
         ({"sensors": {"imu": 3}}, "world: sensors.imu: 3 must be a list"),
         ({"rate": "0 Hz"}, "rate of gyroscope is 0 Hz, it must be above 0"),
         ({"rates": "50 Hz"}, "world: rates: '50 Hz' must be a mapping"),
+        (
+            {"sensors": {"imu": "gyroscope"}, "rates": {"flow": "50 Hz"}},
+            "world: rates.flow is of a sensor that no agent",
+        ),
+        (
+            {"sensors": {"imu": "gyroscope"}, "flow_at": [0, 0, 0]},
+            "flow_at is of a sensor .*: leave it out, or add flow",
+        ),
         ({"noise": -1}, "noise is -1 times"),
         ({"noise": "1 m"}, "noise: '1 m' must be a plain number"),
         ({"arm": "0 m"}, "arm is 0, it must be above 0"),
