@@ -3,22 +3,20 @@
 Usage: python docs/csma.py throughput|saturation|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - it is a user of the package
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from busy_radio import LISTENER
-from matplotlib import style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from page_figures import draw_asked
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, COLUMN_IN, GREEN, SKY, STYLE, VERMILION
+from volery.experiments.figures.of_runs import BLACK, BLUE, COLUMN_IN, GREEN, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
@@ -198,23 +196,6 @@ def saturation(figure: Figure) -> Iterator[str]:
     figure.legend(loc="outside lower center", ncols=3)
 
 
-DRAWN = {draw.__name__: draw for draw in (throughput, saturation)}
-
-
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of csma.md, drawn from volery's twin.")
-    parser.add_argument("which", choices=[*DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images", help="folder")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*draw(figure), sep="\n")
-                figure.savefig(asked.out / f"csma-{name}.png", dpi=120)
-
-
 if __name__ == "__main__":
-    main()
+    drawn = {"throughput": throughput, "saturation": saturation}
+    draw_asked("csma", "Figures of csma.md, drawn from volery's twin.", drawn, dpi=120)

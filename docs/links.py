@@ -1,22 +1,20 @@
 """Draws the figures of links.md, one for each parameter of a link, and prints the numbers that the page quotes.
 
-Usage: python docs/links.py FIGURE|all [--out docs/images/links]
+Usage: python docs/links.py FIGURE|all [--out docs/images]
 """
 
-# ruff: noqa: T201, TID251 - it prints what it found, and is a user of the package
+# ruff: noqa: TID251 - it is a user of the package
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from link_models import bit_error, correlation, corruption, distance, latency, loss, order, paired, time_loss, trace
-from matplotlib import style
 from matplotlib.figure import Figure
+from page_figures import Draw, draw_asked
 from space_time import MS, WIDTH_IN, counts, frames, legend, planned, settings_of, simulate, space_time
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, STYLE, VERMILION
+from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 
 # -- airtime and queue --------------------------------------------------------------------------------------------
 
@@ -192,7 +190,6 @@ def presence(figure: Figure) -> Iterator[str]:
 
 # -- The command --------------------------------------------------------------------------------------------------
 
-Draw = Callable[[Figure], Iterator[str]]
 DRAWN: dict[str, Draw] = {
     draw.__name__: draw
     for draw in (
@@ -218,20 +215,5 @@ DRAWN: dict[str, Draw] = {
 }
 
 
-def main() -> None:
-    """Draw what is asked for and print its numbers."""
-    parser = argparse.ArgumentParser(description="Figures of links.md, drawn from volery's twin.")
-    parser.add_argument("which", choices=[*DRAWN, "all"])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "links", help="folder")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    for name, draw in DRAWN.items():
-        if asked.which in (name, "all"):
-            with style.context(STYLE):
-                figure = Figure(layout="constrained")
-                print(*(f"{name}: {line}" for line in draw(figure)), sep="\n")
-                figure.savefig(asked.out / f"{name}.png", dpi=120)
-
-
 if __name__ == "__main__":
-    main()
+    draw_asked("links", "Figures of links.md, drawn from volery's twin.", DRAWN, pictures="links/", dpi=120)

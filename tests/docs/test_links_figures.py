@@ -53,7 +53,7 @@ def test_the_page_quotes_what_the_script_prints(tmp_path: Path) -> None:
     printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     quoted = [line for block in blocks(PAGE, "console") for line in block.splitlines() if not line.startswith("$ ")]
     assert sorted(printed.splitlines()) == sorted(quoted)
-    assert sorted(picture.stem for picture in tmp_path.iterdir()) == sorted(FIGURES)
+    assert sorted(picture.stem for picture in (tmp_path / "links").iterdir()) == sorted(FIGURES)
 
 
 @pytest.mark.parametrize("fragment", blocks(PAGE, "yaml"))

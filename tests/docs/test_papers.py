@@ -1,4 +1,4 @@
-"""Pages about papers, and what belongs to them: their commands, their numbers and their pictures."""
+"""Pages about papers and models, and what belongs to them: their commands, their numbers and their pictures."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ PAGES = {
     "bavle": Page(("fig3", "fig4", "fig5", "tuning", "loss", "lossy"), ("lossy",)),
     "betanzos": Page(("fig4", "fig5", "fig6", "gain", "loss", "trust"), ("algebra", "fig4"), ("algebra",)),
     "bassolillo": Page(("fig2", "fig3", "fig4", "altitude", "sign", "ranges", "bounds", "bias", "links"), ("bounds",)),
+    "csma": Page(("throughput", "saturation"), ("throughput", "saturation"), largest_bytes=80_000),
 }
 
 
