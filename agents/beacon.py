@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..errors import BadInput
-from ..units import Bytes, Hertz, first_period, period_ns
+from ..units import Bytes, Hertz, check_fields_above_zero, first_period, period_ns
 from .agent import Agent, Context, Received, Timer
 from .idle import refuse_idle
 from .plan import Plan
@@ -38,9 +38,7 @@ class BeaconParameters:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name in ("rate", "report"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise BadInput(f"{name} is {getattr(self, name):g} Hz, it must be above 0")
+        check_fields_above_zero(self, "rate", "report")
         if self.size < 1:
             raise BadInput(f"size is {self.size} B, a payload has at least 1 B")
         if not self.talkers:

@@ -13,7 +13,8 @@ import networkx as nx
 
 from ..errors import BadInput
 from ..randomness import stream
-from .bounds import at_least, positive
+from ..units import check_above_zero
+from .bounds import at_least
 from .graphs import from_edges
 from .regular import centred
 
@@ -34,7 +35,7 @@ def hexagonal(cells: Sequence[Cell], spacing: float = MODULE_SPACING) -> nx.Grap
     Raises:
         BadInput: a cell given twice, modules that touch no other, fewer than 2 cells, a spacing that is not positive.
     """
-    positive(spacing, "spacing")
+    check_above_zero("spacing", spacing, "m")
     module: dict[Cell, str] = {}
     for number, cell in enumerate(cells, start=1):
         if cell in module:

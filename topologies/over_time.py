@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..units import Unit
-from .bounds import positive
+from ..units import Unit, check_above_zero
 from .building import OVER_TIME, build, edge, edge_list
 from .graphs import agents, edges, positions
 from .naming import natural_key
@@ -191,7 +190,7 @@ def _proximity(written: Any, until_ns: int, places: Places | None) -> TimedGraph
     radius = _metres(spec["radius"], f"{place}.radius")
     hysteresis = _metres(spec.get("hysteresis", 0), f"{place}.hysteresis")
     every_ns = _time(spec.get("every", "100 ms"), f"{place}.every")
-    positive(radius, f"{place}.radius: it")
+    check_above_zero(f"{place}.radius: it", radius, "m")
     if not hysteresis >= 0:
         raise BadInput(f"{place}.hysteresis: it is {hysteresis:g} m, it must be at least 0")
     if every_ns < 1 or until_ns > every_ns * _MOST_INSTANTS:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..errors import BadInput
 from ..randomness import stream
-from .bounds import at_least, positive
+from ..units import check_above_zero
+from .bounds import at_least
 from .graphs import Position, validate
 from .naming import check_name, natural_key
 from .regular import centred
@@ -27,8 +28,8 @@ def geometric(count: int, radius: float, seed: int, side: float = 1.0) -> nx.Gra
         BadInput: fewer than 2 agents, a length that is not positive, or no connected draw within the bound.
     """
     at_least(count, 2, "count")
-    positive(radius, "radius")
-    positive(side, "side")
+    check_above_zero("radius", radius, "m")
+    check_above_zero("side", side, "m")
     streams = {str(number): stream(seed, "topology", "geometric", str(number)) for number in range(1, count + 1)}
 
     def draw(attempt: int) -> nx.Graph:
@@ -86,7 +87,7 @@ def proximity(positions: Mapping[str, Sequence[float]], radius: float) -> nx.Gra
     Raises:
         BadInput: a name that is not allowed, unequal numbers of coordinates, or a radius that is not positive.
     """
-    positive(radius, "radius")
+    check_above_zero("radius", radius, "m")
     names = sorted((check_name(name) for name in positions), key=natural_key)
     places: dict[str, Position] = {name: tuple(map(float, positions[name])) for name in names}
     sizes = {len(place): name for name, place in places.items()}

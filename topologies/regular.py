@@ -6,7 +6,8 @@ import math
 
 import networkx as nx
 
-from .bounds import at_least, positive
+from ..units import check_above_zero
+from .bounds import at_least
 from .graphs import Position, from_edges
 
 
@@ -25,7 +26,8 @@ def ring(count: int, spacing: float = 1.0) -> nx.Graph:
     Raises:
         BadInput: fewer than 3 agents, or a spacing that is not positive.
     """
-    radius = positive(spacing, "spacing") / (2 * math.sin(math.pi / at_least(count, 3, "count")))
+    check_above_zero("spacing", spacing, "m")
+    radius = spacing / (2 * math.sin(math.pi / at_least(count, 3, "count")))
     return from_edges(_numbered(nx.cycle_graph(count)), positions=_circle(1, count, radius))
 
 
@@ -36,7 +38,8 @@ def star(count: int, spacing: float = 1.0) -> nx.Graph:
         BadInput: fewer than 2 agents, or a spacing that is not positive.
     """
     at_least(count, 2, "count")
-    around = _circle(2, count - 1, positive(spacing, "spacing"))
+    check_above_zero("spacing", spacing, "m")
+    around = _circle(2, count - 1, spacing)
     return from_edges(_numbered(nx.star_graph(count - 1)), positions=centred({"1": (0.0, 0.0), **around}))
 
 
@@ -57,7 +60,7 @@ def grid(rows: int, columns: int, spacing: float = 1.0) -> nx.Graph:
     """
     at_least(rows, 1, "rows")
     at_least(columns, 1, "columns")
-    positive(spacing, "spacing")
+    check_above_zero("spacing", spacing, "m")
     raw = nx.grid_2d_graph(rows, columns)
     places = {str(number): (spacing * column, spacing * row) for number, (row, column) in enumerate(raw, start=1)}
     return from_edges(_numbered(raw), names=places, positions=centred(places))

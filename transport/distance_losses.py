@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from ..errors import BadInput
-from ..units import DecibelMilliwatts, Decibels, Metres, Nanoseconds
+from ..units import DecibelMilliwatts, Decibels, Metres, Nanoseconds, check_fields_above_zero
 from .sojourns import Sojourns, check_mean
 from .stages import LossStage, Memory, Surroundings
 
@@ -37,9 +37,7 @@ class Distance:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name in ("exponent", "reference_distance"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise BadInput(f"{name} is {getattr(self, name):g}, it must be above 0")
+        check_fields_above_zero(self, "exponent", "reference_distance")
         for name in ("width", "shadowing"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise BadInput(f"{name} is {getattr(self, name):g} dB, it must be at least 0 dB")

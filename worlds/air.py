@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import stream
+from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
 
@@ -41,8 +42,7 @@ class Turbulence:
         """Check the bounds."""
         if not 0.0 <= self.acceleration < math.inf:
             raise BadInput(f"turbulence.acceleration is {self.acceleration:g} m/s², it must be at least 0")
-        if not 0.0 < self.correlation < math.inf:
-            raise BadInput(f"turbulence.correlation is {self.correlation:g} s, it must be above 0")
+        check_above_zero("turbulence.correlation", self.correlation, "s")
         if not 0.0 <= self.vertical < math.inf:
             raise BadInput(f"turbulence.vertical is {self.vertical:g}, it must be at least 0")
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 from .room import Room
 from .tour import GRAVITY, Pose, Tour
 from .walks import walk
@@ -154,8 +154,7 @@ def downward(pose: Pose) -> tuple[float, float, float]:
 
 
 def _check(rate: float, *sizes: float) -> None:
-    if not rate > 0:
-        raise BadInput(f"rate is {rate:g} Hz, it must be above 0")
+    check_above_zero("rate", rate, "Hz")
     if any(not size >= 0 for size in sizes):
         raise BadInput(f"noises, walks and resolutions are {', '.join(f'{size:g}' for size in sizes)}: none is below 0")
 

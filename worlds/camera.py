@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..randomness import Stream
 from ..rotation_columns import conjugates, exponentials, products
+from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
 DRAWS = 8
@@ -53,9 +54,8 @@ class Camera:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name, value, unit in (("rate", self.rate, "Hz"), ("range", self.range, "m")):
-            if not 0.0 < value < math.inf:
-                raise BadInput(f"camera.{name} is {value:g} {unit}, it must be above 0")
+        check_above_zero("camera.rate", self.rate, "Hz")
+        check_above_zero("camera.range", self.range, "m")
         for name, angle, most in (("horizontal", self.horizontal, 360.0), ("vertical", self.vertical, 180.0)):
             if not 0.0 < angle <= math.radians(most):
                 raise BadInput(f"camera.{name} is {math.degrees(angle):g} deg, it must be above 0 and at most {most:g}")

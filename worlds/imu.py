@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..randomness import stream
 from ..rotations import exp_so3
+from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
 VALUES = 9
@@ -48,8 +49,7 @@ class Imu:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        if not 0.0 < self.rate < math.inf:
-            raise BadInput(f"imu.rate is {self.rate:g} Hz, it must be above 0")
+        check_above_zero("imu.rate", self.rate, "Hz")
         for name in (*(f"{sensor}_{kind}" for sensor in _SENSORS for kind in ("noise", "bias")), "miscalibration"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise BadInput(f"imu.{name} is {getattr(self, name):g}, it must be at least 0")

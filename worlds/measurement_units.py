@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..randomness import Stream, stream
 from ..rotations import conjugate, euler_to_quaternion, quaternion_product, rotate
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 from .rigid_body import RigidBody, Triple, turning
 
 Floats = NDArray[np.float64]
@@ -75,8 +75,7 @@ class RigidBodyWorld:
 
     def __post_init__(self) -> None:
         """Check the rate, and that there is something to learn from."""
-        if not 0.0 < self.rate < math.inf:
-            raise BadInput(f"rate {self.rate:g} Hz must be above 0")
+        check_above_zero("rate", self.rate, "Hz")
         if not any(unit.sensors for unit in self.units.values()):
             raise BadInput("no unit has a sensor, so nothing tells the attitude: give one an accelerometer")
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..randomness import Stream, stream
 from ..topologies import Position
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 
 SENSOR = "position"
 _CACHED_AGENTS = 4096
@@ -165,8 +165,7 @@ class Circle:
     def __post_init__(self) -> None:
         """Check the bounds."""
         _some(self.agents)
-        if not 0 < self.radius < math.inf:
-            raise BadInput(f"radius is {self.radius:g} m, it must be above 0")
+        check_above_zero("radius", self.radius, "m")
         if self.period_ns == 0:
             raise BadInput("period is 0: give the time of one turn")
         if len(self.centre) != 2:
@@ -199,8 +198,8 @@ class MovingWorld:
 
     def __post_init__(self) -> None:
         """Check the sensor."""
-        if self.rate is not None and not 0 < self.rate < math.inf:
-            raise BadInput(f"position.rate is {self.rate:g} Hz, it must be above 0")
+        if self.rate is not None:
+            check_above_zero("position.rate", self.rate, "Hz")
         if not 0 <= self.noise < math.inf:
             raise BadInput(f"position.noise is {self.noise:g} m, it must be at least 0")
 

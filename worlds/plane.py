@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import BadInput
 from ..randomness import Stream, stream
 from ..topologies import Position
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 from .sensors import DistanceSensor
 from .signals import Signal
 
@@ -102,8 +102,7 @@ class PlaneWorld:
             largest = max(map(abs, signal.bounds()))
             if not largest < math.pi / 2:
                 raise BadInput(f"{name} reaches {math.degrees(largest):g} deg: keep it within 90 deg")
-        if not self.rate > 0.0:
-            raise BadInput(f"rate {self.rate} Hz must be above 0")
+        check_above_zero("rate", self.rate, "Hz")
         if self.gyroscope is not None and self.gyroscope < 0.0:
             raise BadInput(f"gyroscope noise {self.gyroscope:g} rad/s must be at least 0")
         if not self.positions:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..rotations import conjugate, euler_to_quaternion, normalised, quaternion_product, quaternion_rate, to_matrix
+from ..units import check_above_zero
 from .signals import Constant, Signal
 
 Floats = NDArray[np.float64]
@@ -51,8 +52,7 @@ class Airframe:
         """Check the bounds."""
         for name, values in vars(self).items():
             for value in values if isinstance(values, tuple) else (values,):
-                if not 0.0 < value < math.inf:
-                    raise BadInput(f"{name} is {value:g}, it must be above 0")
+                check_above_zero(name, value)
         if not 4.0 * self.strongest > self.mass * GRAVITY:
             raise BadInput(f"four rotors of {self.strongest:g} N cannot carry {self.mass:g} kg: give stronger ones")
 

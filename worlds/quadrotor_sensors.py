@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 from .quadrotor import GRAVITY, Airframe, FlightState, Manoeuvre, flight
 
 Floats = NDArray[np.float64]
@@ -84,8 +84,7 @@ class QuadrotorWorld:
         for sensor in carried:
             if carried.count(sensor) > 1:
                 raise BadInput(f"sensor {sensor} is there {carried.count(sensor)} times: give it to one agent, once")
-            if not 0.0 < self.rates[sensor] < math.inf:
-                raise BadInput(f"rate of {sensor} is {self.rates[sensor]:g} Hz, it must be above 0")
+            check_above_zero(f"rate of {sensor}", self.rates[sensor], "Hz")
         if not 0.0 <= self.noise < math.inf:
             raise BadInput(f"noise is {self.noise:g} times that of Table I, it must be at least 0")
         for name in self.as_printed:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream, stream
-from ..units import period_ns
+from ..units import check_above_zero, period_ns
 
 COORDINATES = ("x", "y")
 """Names of the sensors, in the order of the coordinates."""
@@ -69,8 +69,7 @@ class TargetWorld:
 
     def __post_init__(self) -> None:
         """Check what would make no sense."""
-        if not self.rate > 0.0:
-            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        check_above_zero("rate", self.rate, "Hz")
         if not self.noise > 0.0:
             raise BadInput(f"noise is {self.noise:g} m, it must be above 0: filters weigh measurements by it")
         for name in ("manoeuvre", "position", "velocity"):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
+from ..units import check_fields_above_zero
 
 GRAVITY = 9.81
 _SECOND_NS = 1_000_000_000
@@ -73,9 +74,7 @@ class Tour:
         """Check the bounds."""
         if len(self.waypoints) < 2 or any(first == second for first, second in pairwise(self.waypoints)):
             raise BadInput(f"waypoints {list(self.waypoints)}: at least two are needed, each other than the one before")
-        for name in ("speed", "take_off", "landing", "sway_period"):
-            if not getattr(self, name) > 0:
-                raise BadInput(f"{name} is {getattr(self, name):g}, it must be above 0")
+        check_fields_above_zero(self, "speed", "take_off", "landing", "sway_period")
         for name in ("wait", "drop", "sway"):
             if not getattr(self, name) >= 0:
                 raise BadInput(f"{name} is {getattr(self, name):g}, it must be at least 0")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..rotation_columns import exponentials, matrices, products, turned_back
+from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
 GRAVITY = 9.81
@@ -63,8 +64,7 @@ class Vehicle:
             ("attitude_response", self.attitude_response, "s"),
             ("rate_response", self.rate_response, "s"),
         ):
-            if not 0.0 < value < math.inf:
-                raise BadInput(f"{name} is {value:g} {unit}, it must be above 0")
+            check_above_zero(name, value, unit)
         if max(self.inertia) > sum(self.inertia) / 2.0:
             raise BadInput(f"inertia {self.inertia} kg m² is that of no body: no moment exceeds the sum of the others")
         if not self.rate_response <= self.attitude_response / 4.0:

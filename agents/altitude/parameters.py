@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...errors import BadInput
 from ...estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot, Sensor
 from ...estimators.altitude.modular_filter import GroundJumps, ModularFilter, check_names
-from ...units import Hertz, Nanoseconds
+from ...units import Hertz, Nanoseconds, check_fields_above_zero
 from ..idle import refuse_idle
 
 _FLOOR = ("level", "floor_noise")
@@ -38,8 +37,7 @@ class AltitudeEkfParameters:
 
     def __post_init__(self) -> None:
         """Check the bounds and the names."""
-        if not 0 < self.rate < math.inf:
-            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        check_fields_above_zero(self, "rate")
         if self.history < 0:
             raise BadInput(f"history is {self.history} ns, it must be at least 0")
         check_names([name for name, _ in self.components()])

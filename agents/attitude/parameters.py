@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ...estimators.attitude.dynamic_consensus import ToldAttitude
-from ...units import Hertz, Nanoseconds, Radians, period_ns
+from ...units import Hertz, Nanoseconds, Radians, check_fields_above_zero, period_ns
 from .. import payloads
 from ..idle import refuse_idle
 from ..payloads import DamagedPayload, Precision
@@ -59,10 +59,7 @@ class AttitudeParameters:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name, unit in (("rate", " Hz"), ("gain", ""), ("alpha", "")):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise BadInput(f"{name} is {value:g}{unit}, it must be above 0")
+        check_fields_above_zero(self, "rate", "gain", "alpha")
         if not 0.0 < self.gamma < 2.0:
             raise BadInput(f"gamma is {self.gamma:g}, it must be above 0 and below 2")
         if not 1 <= self.max_age < COUNTS // 2:

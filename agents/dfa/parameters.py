@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...errors import BadInput
-from ...units import Hertz, period_ns
+from ...units import Hertz, check_fields_above_zero, period_ns
 from .. import payloads
 from .estimators import CONSENSUS, message_size
 
@@ -48,8 +48,7 @@ class DfaParameters:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        if not self.rate > 0:
-            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        check_fields_above_zero(self, "rate")
         if self.rounds < 1:
             raise BadInput(f"rounds is {self.rounds}, at least 1 is needed")
         if self.timing == "asynchronous" and self.estimator not in CONSENSUS:

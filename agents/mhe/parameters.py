@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -15,7 +14,15 @@ from ...estimators.horizon.attitude_model import AttitudeModel
 from ...estimators.horizon.quadratic_programs import Solver
 from ...estimators.horizon.quadrotor_model import Deviations, QuadrotorModel
 from ...rotations import euler_to_quaternion
-from ...units import Hertz, Metres, MetresPerSecondSquared, Nanoseconds, Radians, RadiansPerSecond
+from ...units import (
+    Hertz,
+    Metres,
+    MetresPerSecondSquared,
+    Nanoseconds,
+    Radians,
+    RadiansPerSecond,
+    check_fields_above_zero,
+)
 from ..idle import refuse_idle
 
 Configuration = Literal["A", "B"]
@@ -72,8 +79,7 @@ class MheParameters:
 
     def __post_init__(self) -> None:
         """Check the bounds, those of the models included."""
-        if not 0.0 < self.rate < math.inf:
-            raise BadInput(f"rate is {self.rate:g} Hz, it must be above 0")
+        check_fields_above_zero(self, "rate")
         if self.horizon < 1:
             raise BadInput(f"horizon is {self.horizon}, a window has at least 1 step")
         if self.wait < 0:

@@ -14,7 +14,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BadInput
 from ...units import (
     Metres,
     MetresPerRootSecond,
@@ -23,6 +22,7 @@ from ...units import (
     Radians,
     RadiansPerSecond,
     RadiansPerSecondPerRootSecond,
+    check_fields_above_zero,
 )
 
 GRAVITY = 9.81
@@ -93,7 +93,7 @@ class Robot:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _positive(self, "deviation", "acceleration_walk", "turning_walk")
+        check_fields_above_zero(self, "deviation", "acceleration_walk", "turning_walk")
 
     def states(self) -> tuple[State, ...]:
         """Seven; it starts at rest and level."""
@@ -129,7 +129,7 @@ class Ground:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _positive(self, "deviation", "walk")
+        check_fields_above_zero(self, "deviation", "walk")
 
     def states(self) -> tuple[State, ...]:
         """One."""
@@ -158,7 +158,9 @@ class Imu:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _positive(self, "acceleration_noise", "attitude_noise", "gyro_noise", "bias_deviation", "bias_walk")
+        check_fields_above_zero(
+            self, "acceleration_noise", "attitude_noise", "gyro_noise", "bias_deviation", "bias_walk"
+        )
 
     def states(self) -> tuple[State, ...]:
         """One bias."""
@@ -196,7 +198,7 @@ class Barometer:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _positive(self, "noise", "bias_deviation", "bias_walk")
+        check_fields_above_zero(self, "noise", "bias_deviation", "bias_walk")
 
     def states(self) -> tuple[State, ...]:
         """One bias."""
@@ -228,7 +230,7 @@ class RangeFinder:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _positive(self, "noise")
+        check_fields_above_zero(self, "noise")
 
     def states(self) -> tuple[State, ...]:
         """None."""
@@ -253,10 +255,3 @@ class RangeFinder:
 
 
 _IMU_BY_ROBOT = np.eye(ROBOT_STATES)[2:]
-
-
-def _positive(component: object, *names: str) -> None:
-    for name in names:
-        value = getattr(component, name)
-        if not 0 < value < math.inf:
-            raise BadInput(f"{name} is {value:g}, it must be above 0")

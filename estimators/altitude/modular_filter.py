@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ...errors import BadInput
-from ...units import Metres
+from ...units import Metres, check_fields_above_zero
 from .components import ROBOT_STATES, Blocks, Component, Floats, Ground, Robot, Sensor, State
 
 Variant = Literal["as_printed", "gate", "gate_and_floor"]
@@ -45,9 +45,7 @@ class GroundJumps:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for name in ("gate", "jump", "level", "floor_noise"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise BadInput(f"{name} is {getattr(self, name):g}, it must be above 0")
+        check_fields_above_zero(self, "gate", "jump", "level", "floor_noise")
 
 
 class Belief(NamedTuple):

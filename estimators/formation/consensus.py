@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import BadInput
+from ...units import check_fields_above_zero
 from .covariance import check_positive
 from .filter import FormationFilter, Observation
 from .intersection import Weighting, intersect
@@ -43,10 +44,7 @@ class ConsensusSettings:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        for what in ("position_noise", "velocity_noise", "history_ns"):
-            value = getattr(self, what)
-            if not (np.isfinite(value) and value > 0):
-                raise BadInput(f"{what} is {value:g}: give a finite number above 0")
+        check_fields_above_zero(self, "position_noise", "velocity_noise", "history_ns")
 
     def noise(self, count: int) -> NDArray[np.float64]:
         """N, the covariance of what is told of so many pairs, shape (6 count, 6 count) [m², m²/s²], read only."""

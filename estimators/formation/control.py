@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import BadInput
+from ...units import check_above_zero
 from .model import NANOSECOND, FormationModel
 
 
@@ -26,8 +27,7 @@ class Weights:
     def __post_init__(self) -> None:
         """Check the signs."""
         for what, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
-                raise BadInput(f"weight of {what} is {value:g}: give a finite number above 0")
+            check_above_zero(f"weight of {what}", value)
 
 
 def regulator(model: FormationModel, weights: Weights | None = None, dead: Collection[int] = ()) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import BadInput
+from ...units import check_above_zero
 from ..checks import as_array
 
 Pair = tuple[int, int]
@@ -81,11 +82,9 @@ class FormationModel:
         """Check the bounds."""
         if self.vehicles < 2:
             raise BadInput(f"a formation of {self.vehicles} has no relative positions: give 2 vehicles or more")
-        for what, value in (("step_ns", self.step_ns), ("mass_kg", self.mass_kg)):
-            if not (np.isfinite(value) and value > 0):
-                raise BadInput(f"{what} of a formation is {value:g}: give a finite number above 0")
-        if not (np.isfinite(self.acceleration_noise) and self.acceleration_noise > 0):
-            raise BadInput(f"acceleration_noise is {self.acceleration_noise:g} m/s²: give a finite number above 0")
+        check_above_zero("step_ns of a formation", self.step_ns)
+        check_above_zero("mass_kg of a formation", self.mass_kg)
+        check_above_zero("acceleration_noise", self.acceleration_noise, "m/s²")
 
     @property
     def size(self) -> int:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...transport.links import NANOSECONDS
+from ...units import check_above_zero
 from ..record.record import Record
 from ..scenario.writing import quantity
 from .of_runs import BLACK, BLUE, DARK_GREY, GREEN, PURPLE, SKY, STYLE, VERMILION, check_formats, save
@@ -64,8 +65,7 @@ def animate(
         BadInput: no places to draw, no such film here, or more than MOST_PICTURES.
     """
     for name, value in (("pictures per second", per_second), ("speed", speed)):
-        if not 0.0 < value < math.inf:
-            raise BadInput(f"{name} is {value:g}: must be above 0")
+        check_above_zero(name, value)
     writer, ending = _writer(film, per_second)
     from_ns, until_ns = span[0] or 0, record.last_ns if span[1] is None else min(span[1], record.last_ns)
     step_ns = round(speed * NANOSECONDS / per_second)

@@ -11,7 +11,7 @@ from ...transport.csma import Csma
 from ...transport.latencies import LATENCIES
 from ...transport.losses import LOSSES
 from ...transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
-from ...units import Unit, parse
+from ...units import parse, unit_of
 
 _UNITS = {
     "ns": ("s", "ms", "us", "ns"),
@@ -41,7 +41,7 @@ def _number(value: float, name: str, unit: str) -> str:
 
 def spelled(value: Any, hint: Any = Any) -> Any:
     """A value as plain data, as a scenario has it; `hint` is its declared type, which knows the unit."""
-    unit = _unit(hint)
+    unit = unit_of(hint)
     if unit is not None and isinstance(value, int | float):
         return quantity(value, unit)
     if is_dataclass(value) and not isinstance(value, type):
@@ -71,14 +71,6 @@ def _model(value: Any) -> Any:
 
 def _hints(hint: Any) -> dict[str, Any]:
     return get_type_hints(hint, include_extras=True) if isinstance(hint, type) else {}
-
-
-def _unit(hint: Any) -> str | None:
-    """The unit in an annotated type, or in one alternative of a union."""
-    for mark in getattr(hint, "__metadata__", ()):
-        if isinstance(mark, Unit):
-            return mark.name
-    return next((unit for part in get_args(hint) if (unit := _unit(part))), None)
 
 
 def _item_hints(hint: Any, count: int) -> Sequence[Any]:

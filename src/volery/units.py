@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 from .errors import BadInput
 
@@ -115,6 +115,35 @@ Volts = Annotated[float, Unit("V")]
 Decibels = Annotated[float, Unit("dB")]
 DecibelMilliwatts = Annotated[float, Unit("dBm")]
 PartsPerBillion = Annotated[int, Unit("ppb")]
+
+
+def unit_of(hint: Any) -> str | None:
+    """The unit in an annotated type, or in one alternative of a union."""
+    for mark in getattr(hint, "__metadata__", ()):
+        if isinstance(mark, Unit):
+            return mark.name
+    return next((unit for part in get_args(hint) if (unit := unit_of(part))), None)
+
+
+def check_above_zero(name: str, value: float, unit: str = "") -> None:
+    """Refuse a number that is not finite and above 0.
+
+    Raises:
+        BadInput: with name, value and unit.
+    """
+    if not 0 < value < math.inf:
+        raise BadInput(f"{name} is {value:g}{unit and f' {unit}'}, it must be above 0 and finite")
+
+
+def check_fields_above_zero(parameters: object, *names: str) -> None:
+    """Refuse fields of a dataclass that are not finite and above 0; the unit is that of the field's type.
+
+    Raises:
+        BadInput: as `check_above_zero`, for the first such field.
+    """
+    hints = get_type_hints(type(parameters), include_extras=True)
+    for name in names:
+        check_above_zero(name, getattr(parameters, name), unit_of(hints[name]) or "")
 
 
 def period_ns(rate_hz: float, index: int) -> int:

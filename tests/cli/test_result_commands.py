@@ -127,7 +127,7 @@ def test_space_time_diagram(volery: Volery, own_run: Path) -> None:
         (["--from", "0.2 s"], "--from and --until are of the diagram and of the film: add --space-time or --animate"),
         (["--agents", "1"], "--agents is of the space-time diagram: add --space-time"),
         (["--speed", "2"], "--fps and --speed are of the film: add --animate"),
-        (["--animate", "--fps", "0"], "pictures per second is 0: must be above 0"),
+        (["--animate", "--fps", "0"], "pictures per second is 0, it must be above 0"),
         (["--animate", "--fps", "9000"], "9,001 pictures, more than 3,000: film a part with --from and --until"),
         (["--animate", "--format", "gif", "--format", "mp4"], "a film is made in one of them at a time"),
         (["--animate", "--still", "0 s", "--format", "gif"], "--format gif is for the film alone"),

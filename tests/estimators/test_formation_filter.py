@@ -195,7 +195,7 @@ def test_nees_of_the_centralised_filter_is_in_its_bounds() -> None:
 def test_bad_models_and_observations_are_refused_with_what_would_do() -> None:
     """One vehicle, values that are not above 0, covariances that are none, pairs that do not exist, lengths."""
     for fields in ({"vehicles": 1}, {"step_ns": 0}, {"mass_kg": -1.0}, {"acceleration_noise": float("nan")}):
-        with pytest.raises(BadInput, match="give"):
+        with pytest.raises(BadInput, match=r"give 2 vehicles|must be above 0 and finite"):
             FormationModel(**{"vehicles": 3, **fields})  # type: ignore[arg-type]
     model = FormationModel(3)
     for state, covariance in ((np.zeros(11), (1, 1)), (np.zeros(12), (1, 0)), (np.zeros(12), -np.eye(12))):

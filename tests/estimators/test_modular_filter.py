@@ -268,10 +268,10 @@ def test_measurements_that_fit_no_component(name: str, values: list[float], mess
         of.update(of.start(), name, np.array(values))
 
 
-@pytest.mark.parametrize("name", ["gate", "jump", "level", "floor_noise"])
-def test_bounds_of_the_gate(name: str) -> None:
+@pytest.mark.parametrize(("name", "unit"), [("gate", ""), ("jump", " m"), ("level", " m"), ("floor_noise", " m")])
+def test_bounds_of_the_gate(name: str, unit: str) -> None:
     """All above 0."""
-    with pytest.raises(BadInput, match=f"{name} is 0, it must be above 0"):
+    with pytest.raises(BadInput, match=f"{name} is 0{unit}, it must be above 0"):
         GroundJumps(**{name: 0.0})  # type: ignore[arg-type]
 
 

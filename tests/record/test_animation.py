@@ -312,7 +312,7 @@ def test_no_such_film(surveyed: Make, tmp_path: Path) -> None:
     record = surveyed()
     for asked, message in (
         ({"film": "avi"}, "format 'avi': one of mp4, gif"),
-        ({"speed": 0.0}, "speed is 0: must be above 0"),
+        ({"speed": 0.0}, "speed is 0, it must be above 0"),
         ({"per_second": 4000.0}, "4,001 pictures, more than 3,000: .* --speed"),
     ):
         with pytest.raises(BadInput, match=message):

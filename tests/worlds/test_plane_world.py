@@ -152,7 +152,7 @@ def test_a_module_in_the_ground_measures_nothing() -> None:
         ({"altitude": Sine(0.2, 0.2, 1.0)}, "altitude goes down to 0.0 m"),
         ({"roll": Constant(math.radians(90))}, "roll reaches 90 deg"),
         ({"pitch": Sine(1.0, -1.0, 1.0)}, "pitch reaches 114.592 deg"),
-        ({"rate": 0.0}, "rate 0.0 Hz must be above 0"),
+        ({"rate": 0.0}, "rate is 0 Hz, it must be above 0"),
         ({"positions": {}}, "no positions"),
         ({"positions": {"1": (0.0, 0.0, 0.0)}}, "of agent 1 must be two numbers"),
     ],
