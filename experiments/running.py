@@ -110,7 +110,8 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
     began = time.monotonic()
-    status = Status(plan.duration_ns, len(plan.everybody), alive={agent.name for agent in plan.everybody})
+    agents, alive = (frozenset(agent.name for agent in some) for some in (plan.agents, plan.everybody))
+    status = Status(plan.duration_ns, agents, alive=set(alive))
 
     class Sink:
         """Counts what goes into the record."""

@@ -14,10 +14,13 @@ from ...transport.links import DELIVERED
 
 @dataclass
 class Status:
-    """Counts so far, the links on which a frame was heard, and the estimates last heard of."""
+    """Counts so far, the links on which a frame was heard, and the estimates last heard of.
+
+    `agents`: their names. `alive`: whose processes live, a coupled world that runs beside the agents included.
+    """
 
     duration_ns: int
-    agents: int
+    agents: frozenset[str]
     time_ns: int = 0
     alive: set[str] = field(default_factory=set)
     frames: int = 0
@@ -51,8 +54,8 @@ class Status:
         return {
             "time_s": self.time_ns / 1e9,
             "duration_s": self.duration_ns / 1e9,
-            "agents": self.agents,
-            "alive": sorted(self.alive),
+            "agents": len(self.agents),
+            "alive": sorted(self.alive & self.agents),
             "frames": self.frames,
             "lost": self.lost,
             "late": self.late,

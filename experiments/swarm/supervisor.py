@@ -76,7 +76,7 @@ class Swarm:
     ) -> None:
         self.plan = plan
         self.pace = pace
-        self.status = Status(plan.duration_ns, len(plan.everybody))
+        self.status = Status(plan.duration_ns, frozenset(agent.name for agent in plan.agents))
         self.endpoint = ""
         names = *(agent.name for agent in plan.everybody), OPERATOR
         self.passwords = {name: secrets.token_urlsafe(18) for name in names}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable
+from typing import Any
 
 from volery.agents.plan import WORLD, Plan
 from volery.experiments.analysis.accounting import account
@@ -28,12 +29,18 @@ def test_a_formation_in_lockstep_equals_its_twin(plan_of: Callable[..., Plan]) -
 
 
 def test_a_run_whose_world_was_killed_has_failed(plan_of: Callable[..., Plan]) -> None:
-    """Nobody senses anything from then on: the run ends, and is none that went well."""
+    """Nobody senses anything from then on: the run ends, and is none that went well.
+
+    While it lives the world is none of the agents that are counted.
+    """
+    told: list[dict[str, Any]] = []
 
     async def kill(swarm: Swarm, _: Injector) -> None:
         await until(lambda: swarm.status.time_ns > 100_000_000)
+        told.append(swarm.status.to_dict())
         os.kill(swarm.pids()[WORLD], signal.SIGKILL)
 
     record, ending = run_swarm(plan_of("mav3", "duration=40 s"), meanwhile=kill)
     assert ending.problems == ("agent world was killed from outside",)
+    assert [(status["agents"], status["alive"]) for status in told] == [(3, ["1", "2", "3"])]
     assert record.end_ns == 40_000_000_000
