@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..transport.events import DATA, FRAME, SOURCE, TIME, Event
+from ..transport.events import DATA, FRAME, HANDLER, SOURCE, TIME, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import DELIVERED, fate
 from ..transport.media import AIR, Ether
@@ -16,12 +17,21 @@ if TYPE_CHECKING:
 
 _INCARNATION_SHIFT = 48
 _SETTLED_KEPT = 256
+TIDY_EVERY = 1024
+"""After so many transmissions, own ones and others', those that can meet no frame any more are forgotten."""
 
 
 class Hearing:
-    """What reaches one node from its neighbours."""
+    """What reaches one node from its neighbours.
+
+    `unheard_ns` says before which instant nothing starts that is yet unheard. Unless the pace knows better that is told
+    by the order of each neighbour's frames, so that one which never sends keeps everything remembered.
+    """
 
     def __init__(self, node: Node) -> None:
+        self.unheard_ns: Callable[[], int] = self._in_order_ns
+        self._newest = {source: 0 for source in node.neighbours if source not in node.wired}
+        self._noted = 0
         self._node = node
         self.ether = Ether()
         self._settled: deque[tuple[int, int, str, Frame]] = deque(maxlen=_SETTLED_KEPT)
@@ -36,6 +46,8 @@ class Hearing:
         A frame that started before this incarnation came to life is none of its business.
         """
         self._count(source, message)
+        if source in self._newest:
+            self._newest[source] = message.start_ns
         if message.start_ns < self._node.start_ns:
             return
         if isinstance(message, Frame):
@@ -45,6 +57,7 @@ class Hearing:
             self._overhear(source, message)
         for frame in message.for_target(self._node.name):
             self._take(source, frame)
+        self.note()
 
     def _count(self, source: str, message: Message) -> None:
         """Note how much has come; on a wire nothing may be missing, and nobody else would tell."""
@@ -101,6 +114,32 @@ class Hearing:
             self._settled_end_ns = max(self._settled_end_ns, end)
         if became == DELIVERED:
             node.admit(event, node.deliver)
+
+    # -- what is forgotten ------------------------------------------------------------------------------------------
+
+    def note(self) -> None:
+        """One more transmission is remembered, which is the time to forget others now and then."""
+        self._noted += 1
+        if self._noted >= TIDY_EVERY:
+            self._noted = 0
+            self._forget()
+
+    def _forget(self) -> None:
+        """Forget transmissions that ended before whatever may yet ask for them: frames that are due, held or unheard.
+
+        The radio listens to no more than the time of one assessment of the channel before now.
+        """
+        node, contention = self._node, self._node.sending.contention
+        coming = [event for event in node.heap if event[HANDLER] == self._on_arrival]
+        starts = (event[DATA].start_ns for events in (coming, *self._held.values()) for event in events)
+        listened_ns = node.now_ns - (contention.access.cca if contention else 0)
+        before_ns = min([listened_ns, self.unheard_ns(), *starts])
+        self.ether.forget(before_ns)
+        for outlet in node.sending.outlets.values():
+            outlet.transceiver.forget(before_ns)
+
+    def _in_order_ns(self) -> int:
+        return min(self._newest.values(), default=self._node.now_ns)
 
     # -- hold and release ---------------------------------------------------------------------------------------
 

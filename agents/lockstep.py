@@ -45,6 +45,7 @@ class Lockstep:
         segments = {source: self._segments(source) for source in node.neighbours}
         lives = {source: self._first_life(source) for source in node.neighbours} if node.incarnation else None
         self._horizon = Horizon(node.name, segments, beginning.interventions, lives=lives)
+        node.hearing.unheard_ns = self._horizon.unstarted_ns
         for source in node.neighbours:
             self._expect(source)
             if self._is_down(source):

@@ -208,6 +208,7 @@ class Sending:
             self._node.schedule(start, TRANSMIT, name, self._count, self._on_transmit, None)
 
     def _transmit(self, name: str, transmission: Transmission) -> None:
+        self._node.hearing.note()
         payload, start, airtime, copies = transmission
         incarnation, journal = self._node.incarnation, self._node.journal.sent
         for target, sequence, copy, due, verdict in copies:

@@ -66,7 +66,9 @@ class Twin:
 
     def _node(self, name: str, incarnation: int, start_ns: int, saved: bytes | None = None) -> Node:
         index = self._order[name] + incarnation * len(self._order)
-        return Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
+        node = Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
+        node.hearing.unheard_ns = lambda: node.now_ns  # here whatever starts is heard at once
+        return node
 
     def _carry(self, source: str) -> Put:
         def put(outlet: str, message: Message) -> None:

@@ -159,6 +159,15 @@ class Transceiver:
         last = bisect_right(self._begins, end_ns - 1) - 1
         return last >= 0 and self._ends[last] > start_ns
 
+    def forget(self, before_ns: int) -> None:
+        """Forget what had ended by an instant: no frame that starts then or later meets it."""
+        ended = bisect_right(self._ends, before_ns)
+        del self._begins[:ended], self._ends[:ended]
+
+    def __len__(self) -> int:
+        """How many transmissions it remembers."""
+        return len(self._begins)
+
 
 class Ether:
     """What a node's radio has heard on the air; answers whether a frame met a transmission of somebody else."""
@@ -183,3 +192,11 @@ class Ether:
         first = bisect_left(self._heard, (start_ns - self._longest, 0, ""))
         last = bisect_left(self._heard, (end_ns, 0, ""))
         return any(end > start_ns and other != source for _, end, other in self._heard[first:last])
+
+    def forget(self, before_ns: int) -> None:
+        """Forget what had ended by an instant: no frame that starts then or later meets it."""
+        self._heard = [interval for interval in self._heard if interval[1] > before_ns]
+
+    def __len__(self) -> int:
+        """How many transmissions it remembers."""
+        return len(self._heard)

@@ -166,6 +166,16 @@ class Horizon:
         bounds = self._bounds.values() if sources is None else (self._bounds[source] for source in sources)
         return min(bounds, default=FOREVER_NS)
 
+    def unstarted_ns(self) -> int:
+        """Nothing that is yet unheard starts before this instant, unless somebody intervenes."""
+        returns = (
+            from_ns
+            for source, lives in self._returns.items()
+            for life, from_ns in lives
+            if not self.knows(source, life)
+        )
+        return min([*self._promises.values(), *returns], default=FOREVER_NS)
+
     def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
         """Those of the sources that may still start something before an instant."""
         return {source for source in sources if self._promises[source] < time_ns}

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from volery.agents import hearing
 from volery.agents.agent import Agent, NoParameters, Received, Sample, Timer
 from volery.agents.context import BrokenPromise, NotANeighbour
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
@@ -18,7 +19,8 @@ from volery.transport import fabric
 from volery.transport.events import Event
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.frames import Frame, Message
-from volery.transport.links import LinkSettings, Queue
+from volery.transport.links import HALF_DUPLEX, LinkSettings, Queue
+from volery.transport.media import HalfDuplex
 
 MS = 1_000_000
 
@@ -340,3 +342,28 @@ def test_an_agent_that_overrides_nothing_takes_everything() -> None:
     assert Agent.oracle(plan, "x", 0) is Agent.truth(plan, "x", 0, 0) is None
     assert not Agent.labels("x")
     assert not Agent.problems(plan)
+
+
+def test_what_may_be_asked_for_is_remembered_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the wall clock, where frames may be late: only the order of each neighbour's frames tells what cannot come."""
+    monkeypatch.setattr(hearing, "TIDY_EVERY", 1)
+    bench = Bench(Listener, LinkSettings(medium=HalfDuplex(), rate=8000.0))
+    transceiver = bench.node.sending.outlets["2"].transceiver
+
+    def send(at_ms: int) -> None:
+        bench.timer(at_ms, lambda: bench.agent.context.send("2", b"5 ms"))
+        bench.until(at_ms + 10)
+
+    send(10)
+    send(100)
+    assert len(transceiver) == 2
+    bench.frame(13, "late", "2", sequence=0)
+    assert [entry.fate for entry in bench.node.journal.heard] == [HALF_DUPLEX]
+    bench.frame(111, "in order", "2", sequence=1)
+    bench.until(112)
+    send(200)
+    assert len(transceiver) == 3
+    bench.frame(211, "in order", "3", sequence=0)
+    bench.until(212)
+    send(300)
+    assert len(transceiver) == 2

@@ -109,3 +109,22 @@ def test_who_transmits_hears_nothing(gaps: list[tuple[int, int]], heard: tuple[i
         now += gap + airtime
     start, end = heard[0], heard[0] + heard[1]
     assert transceiver.deaf(start, end) == any(begin < end and start < stop for begin, stop in own)
+
+
+@given(
+    gaps=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), st.integers(0, 20)), max_size=30),
+    heard=st.tuples(st.integers(0, 60), st.integers(0, 8)),
+)
+def test_a_transceiver_forgets_what_no_frame_can_meet(gaps: list[tuple[int, int, int]], heard: tuple[int, int]) -> None:
+    """What ended before an instant is forgotten: a frame from then on meets the same."""
+    forgetful, full, now, before = Transceiver(), Transceiver(), 0, 0
+    for gap, airtime, back in gaps:
+        for transceiver in (forgetful, full):
+            transceiver.transmit(now + gap, now + gap + airtime)
+        now += gap + airtime
+        before = max(before, now - back)
+        forgetful.forget(before)
+    start, end = before + heard[0], before + heard[0] + heard[1]
+    assert forgetful.deaf(start, end) == full.deaf(start, end)
+    forgetful.forget(now)
+    assert (len(forgetful), len(full)) == (0, len(gaps))

@@ -208,3 +208,27 @@ def test_the_ether_knows_every_overlap(heard: list[tuple[int, int, str]], frame:
     start, end = frame[0], frame[0] + frame[1]
     meets = [one for one in heard if one[2] != "a" and max(one[0], start) < min(one[0] + one[1], end)]
     assert ether.collided(start, end, "a") == bool(meets)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 100), st.integers(1, 20), st.sampled_from("abc")), max_size=30),
+    st.lists(st.tuples(st.integers(0, 40), st.integers(1, 20), st.sampled_from("abc")), max_size=10),
+    st.integers(0, 120),
+    st.tuples(st.integers(0, 60), st.integers(0, 20)),
+)
+def test_the_ether_forgets_what_no_frame_can_meet(
+    heard: list[tuple[int, int, str]], later: list[tuple[int, int, str]], before: int, frame: tuple[int, int]
+) -> None:
+    """What ended before an instant is forgotten: a frame from then on meets the same, also of what comes later."""
+    forgetful, full = Ether(), Ether()
+    for ether in (forgetful, full):
+        for start, length, source in heard:
+            ether.hear(start, start + length, source)
+    forgetful.forget(before)
+    assert len(forgetful) == sum(start + length > before for start, length, _ in heard)
+    for ether in (forgetful, full):
+        for start, length, source in later:
+            ether.hear(before + start, before + start + length, source)
+    start, end = before + frame[0], before + sum(frame)
+    assert forgetful.collided(start, end, "a") == full.collided(start, end, "a")
+    assert forgetful.busy(start, end) == full.busy(start, end)
