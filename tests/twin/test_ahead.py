@@ -45,29 +45,25 @@ def ahead_run(plan: Plan, seed: int) -> Record:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_transmitting_ahead_changes_nothing(
-    who: str, seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+    who: type[Agent], seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record]
 ) -> None:
     """Estimates and frame stories are those of a run that transmits each frame at its start."""
-    plan = drawn_plan(request.getfixturevalue(who), seed)
+    plan = drawn_plan(who, seed)
     assert_equal(ahead_run(plan, seed), twin_run(plan))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
-@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
 def test_transmitting_ahead_changes_nothing_where_much_changes(
-    kind: str,
-    who: str,
+    any_plan: Callable[..., Plan],
+    who: type[Agent],
     seed: int,
     come_and_go: Callable[[Plan, int], Plan],
     with_buckets: Callable[[Plan, int], Plan],
     twin_run: Callable[[Plan], Record],
-    request: pytest.FixtureRequest,
 ) -> None:
     """Nor where radios share the air, clocks jump, links come, go and hold frames back, and buckets fill up."""
-    plan = come_and_go(request.getfixturevalue(kind)(request.getfixturevalue(who), seed), seed)
+    plan = come_and_go(any_plan(who, seed), seed)
     plan = with_buckets(plan, seed)
     assert_equal(ahead_run(plan, seed), twin_run(plan))
 

@@ -48,12 +48,11 @@ def assert_equal(locked: Record, twin: Record) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_lockstep_equals_the_twin(
-    who: str, seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+    who: type[Agent], seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record]
 ) -> None:
     """No promise is broken, nobody waits for ever, and every estimate and every frame's story is the twin's."""
-    plan = drawn_plan(request.getfixturevalue(who), seed)
+    plan = drawn_plan(who, seed)
     network = Network(plan, seed)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
@@ -73,30 +72,26 @@ def test_frames_carry_the_promises_of_an_agent_that_acts_on_timers(seed: int, pl
 
 
 @pytest.mark.parametrize("seed", [*SEEDS, 43, 82])
-@pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_radios_in_lockstep_equal_the_twin(
-    who: str, seed: int, radio_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+    who: type[Agent], seed: int, radio_plan: Any, twin_run: Callable[[Plan], Record]
 ) -> None:
     """Nobody decides on a frame from the air before everybody who could destroy it has been heard."""
-    plan = radio_plan(request.getfixturevalue(who), seed)
+    plan = radio_plan(who, seed)
     network = Network(plan, seed)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
-@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
 def test_graphs_that_change_in_lockstep_equal_the_twin(
-    kind: str,
-    who: str,
+    any_plan: Callable[..., Plan],
+    who: type[Agent],
     seed: int,
     come_and_go: Callable[[Plan, int], Plan],
     twin_run: Callable[[Plan], Record],
-    request: pytest.FixtureRequest,
 ) -> None:
     """Links come and go at the same nominal instants in both, and nobody waits for one that is not there."""
-    plan = come_and_go(request.getfixturevalue(kind)(request.getfixturevalue(who), seed), seed)
+    plan = come_and_go(any_plan(who, seed), seed)
     network = Network(plan, seed)
     network.start()
     record = network.finish()
@@ -107,12 +102,11 @@ def test_graphs_that_change_in_lockstep_equal_the_twin(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
 def test_live_faults_equal_the_twin(
-    who: str, seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record], request: pytest.FixtureRequest
+    who: type[Agent], seed: int, drawn_plan: Any, twin_run: Callable[[Plan], Record]
 ) -> None:
     """A fault from outside, and its end, take effect at one instant everywhere: the twin that knew of it agrees."""
-    plan = drawn_plan(request.getfixturevalue(who), seed)
+    plan = drawn_plan(who, seed)
     network = Network(plan, seed)
     network.start()
     rng = np.random.default_rng(seed)
@@ -124,38 +118,33 @@ def test_live_faults_equal_the_twin(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("who", ["talker", "answerer"])
-@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
 def test_deaths_and_returns_equal_the_twin(
-    kind: str,
-    who: str,
+    any_plan: Callable[..., Plan],
+    who: type[Agent],
     seed: int,
     mortal: Callable[[Plan, int], Plan],
     twin_run: Callable[[Plan], Record],
-    request: pytest.FixtureRequest,
 ) -> None:
     """A dead neighbour holds back nobody but for its return, before which nothing is sent that is meant for it.
 
     That holds for several lives, for neighbours that are dead together, and for instants that coincide.
     """
-    plan = mortal(request.getfixturevalue(kind)(request.getfixturevalue(who), seed), seed)
+    plan = mortal(any_plan(who, seed), seed)
     network = Network(plan, seed)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
 def test_interventions_beside_the_dead_equal_the_twin(
-    kind: str,
+    any_plan: Callable[..., Plan],
     seed: int,
     mortal: Callable[[Plan, int], Plan],
     answerer: type[Agent],
     twin_run: Callable[[Plan], Record],
-    request: pytest.FixtureRequest,
 ) -> None:
     """What the dead have promised holds through live faults, also where it is still on the wire."""
-    plan = mortal(request.getfixturevalue(kind)(answerer, seed), seed)
+    plan = mortal(any_plan(answerer, seed), seed)
     network = Network(plan, seed)
     network.start()
     rng = np.random.default_rng(seed)
@@ -194,17 +183,15 @@ def test_live_kills_and_restarts_equal_the_twin(
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("others_die", [False, True])
-@pytest.mark.parametrize("kind", ["drawn_plan", "radio_plan"])
 def test_a_death_from_outside_replays_in_the_twin(
-    kind: str,
+    any_plan: Callable[..., Plan],
     others_die: bool,
     seed: int,
     mortal: Callable[[Plan, int], Plan],
     answerer: type[Agent],
-    request: pytest.FixtureRequest,
 ) -> None:
     """Nobody waits for the dead; with what was heard of it last, the twin comes to the same estimates and stories."""
-    plan = request.getfixturevalue(kind)(answerer, seed)
+    plan = any_plan(answerer, seed)
     network = Network(mortal(plan, seed) if others_die else plan, seed)
     network.start()
     network.deliver_some(30 + 7 * seed)
