@@ -170,11 +170,8 @@ class Normal(_Law):
 
 
 @dataclass(frozen=True)
-class Gamma(_Law):
-    """Gamma with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
-
-    Shape k = mean² / sd², scale θ = sd² / mean.
-    """
+class _Positive(_Law):
+    """A law on positive numbers, with the mean and standard deviation that it has before it is truncated at `min`."""
 
     mean: Nanoseconds
     sd: Nanoseconds
@@ -183,8 +180,18 @@ class Gamma(_Law):
 
     def __post_init__(self) -> None:
         """Check the bounds."""
-        _check_spread(self.mean, self.sd)
+        for name, value_ns in (("mean", self.mean), ("sd", self.sd)):
+            if value_ns < 1:
+                raise BadInput(f"{name} is {value_ns} ns, it must be above 0: without spread use constant")
         self._check(self.sd, self.mean)
+
+
+@dataclass(frozen=True)
+class Gamma(_Positive):
+    """Gamma with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
+
+    Shape k = mean² / sd², scale θ = sd² / mean.
+    """
 
     @property
     def _shape(self) -> float:
@@ -220,21 +227,11 @@ class Gamma(_Law):
 
 
 @dataclass(frozen=True)
-class LogNormal(_Law):
+class LogNormal(_Positive):
     """Log-normal with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
 
     ln X ~ N(μ, σ²) with σ² = ln(1 + sd²/mean²), μ = ln mean − σ²/2.
     """
-
-    mean: Nanoseconds
-    sd: Nanoseconds
-    min: Nanoseconds | None = None
-    correlation: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the bounds."""
-        _check_spread(self.mean, self.sd)
-        self._check(self.sd, self.mean)
 
     @property
     def _sigma(self) -> float:
@@ -293,10 +290,3 @@ class Pareto(_Law):
     def _quantile(self) -> Callable[[float], float]:
         least, power = self.min, -1.0 / self.shape
         return lambda tail: least * tail**power
-
-
-def _check_spread(mean_ns: int, sd_ns: int) -> None:
-    """Refuse a law on positive numbers without a mean or a spread."""
-    for name, value_ns in (("mean", mean_ns), ("sd", sd_ns)):
-        if value_ns < 1:
-            raise BadInput(f"{name} is {value_ns} ns, it must be above 0: without spread use constant")
