@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, settings_of, simulate, space_time
 
@@ -29,6 +30,25 @@ def bursts(losses: Sequence[bool]) -> list[int]:
     return [len(run) for run in "".join("x" if one else "." for one in losses).split(".") if run]
 
 
+def _draw_eight(
+    axes: Axes,
+    title: str,
+    model: Loss,
+    count: int,
+    *,
+    every_ms: int = 20,
+    apart: float = 0.02,
+    width: float = 0.8,
+) -> None:
+    """Eight links with one model and so many frames each; a dark tick is a lost frame."""
+    for row in range(8):
+        where = apart * np.flatnonzero(lost(model, count, str(row + 2), every_ms * 1_000_000))
+        axes.vlines(where, row - 0.4, row + 0.4, color=VERMILION, lw=width)
+    axes.set_title(title, loc="left")
+    axes.set_yticks([])
+    axes.set_ylabel("link")
+
+
 def loss(figure: Figure) -> Iterator[str]:
     """Eight links with 200 frames each; a dark tick is a lost frame."""
     figure.set_size_inches(WIDTH_IN, 3.0)
@@ -38,12 +58,7 @@ def loss(figure: Figure) -> Iterator[str]:
     )
     for (name, written), axes in zip(kinds, figure.subplots(len(kinds), 1, sharex=True), strict=True):
         (model,) = settings_of(f"links.loss={written}").loss
-        for row in range(8):
-            where = np.flatnonzero(lost(model, 200, str(row + 2)))
-            axes.vlines(where, row - 0.4, row + 0.4, color=VERMILION, lw=1.4)
-        axes.set_title(name, loc="left")
-        axes.set_yticks([])
-        axes.set_ylabel("link")
+        _draw_eight(axes, name, model, 200, every_ms=10, apart=1, width=1.4)
         many = lost(model, 100_000)
         mean, length = statistics.fmean(many), statistics.fmean(bursts(many))
         yield f"{name}: {mean:.1%} of 100,000 frames lost, {model.mean:.1%} asked; {length:.1f} frames a burst"
@@ -61,12 +76,7 @@ def time_loss(figure: Figure) -> Iterator[str]:
     )
     for (name, written), axes in zip(kinds, figure.subplots(len(kinds), 1, sharex=True), strict=True):
         (model,) = settings_of(f"links.loss={written}").loss
-        for row in range(8):
-            where = np.flatnonzero(lost(model, 500, str(row + 2), 20_000_000))
-            axes.vlines(where * 0.02, row - 0.4, row + 0.4, color=VERMILION, lw=0.8)
-        axes.set_title(name, loc="left")
-        axes.set_yticks([])
-        axes.set_ylabel("link")
+        _draw_eight(axes, name, model, 500)
         for every_ms in (10, 100):
             many = lost(model, 200_000, every_ns=every_ms * 1_000_000)
             length = statistics.fmean(bursts(many))
@@ -140,12 +150,7 @@ def trace(figure: Figure) -> Iterator[str]:
     )
     for (name, written), axes in zip(kinds, figure.subplots(len(kinds), 1, sharex=True), strict=True):
         (model,) = settings_of(f"links.loss={written}").loss
-        for row in range(8):
-            where = np.flatnonzero(lost(model, 400, str(row + 2), 20_000_000))
-            axes.vlines(where * 0.02, row - 0.4, row + 0.4, color=VERMILION, lw=0.8)
-        axes.set_title(name, loc="left")
-        axes.set_yticks([])
-        axes.set_ylabel("link")
+        _draw_eight(axes, name, model, 400)
         yield f"{name}: {sum(lost(model, 400, every_ns=20_000_000))} of 400 frames lost"
     axes.set_xlim(0, 8)
     axes.set_xlabel("time (s), a frame every 20 ms")
