@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BadInput
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...topologies import Position
-from ...units import Metres, MetresPerRootSecond, Radians, period_ns
+from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero, period_ns
 from ...worlds import GaussianDistance, PlaneWorld, distances
 from ...worlds.plane import GYROSCOPE, SENSOR
 from ..fusion.agent import ESTIMATE, FusingAgent
@@ -52,10 +51,7 @@ class DfaKalmanParameters(FusingParameters):
     def __post_init__(self) -> None:
         """Check the bounds."""
         super().__post_init__()
-        for name in ("altitude_spread", "tilt_spread", "climb", "turn", "distance_noise"):
-            value = getattr(self, name)
-            if value is not None and not value > 0.0:
-                raise BadInput(f"{name} is {value:g}, a filter needs it above 0")
+        check_fields_above_zero(self, "altitude_spread", "tilt_spread", "climb", "turn", "distance_noise")
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BadInput
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...estimators.information import unpack_symmetric
-from ...units import Metres, MetresPerSecondPerRootSecond, period_ns
+from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero, period_ns
 from ...worlds.target import COORDINATES, TargetWorld, process_noise, transition
 from ..agent import Finding, RunData, View
 from ..plan import Plan
@@ -38,10 +37,7 @@ class TrackerParameters(FusingParameters):
     def __post_init__(self) -> None:
         """Check the bounds."""
         super().__post_init__()
-        for name in ("manoeuvre", "noise"):
-            value = getattr(self, name)
-            if value is not None and not value > 0.0:
-                raise BadInput(f"{name} is {value:g}, a filter needs it above 0")
+        check_fields_above_zero(self, "manoeuvre", "noise")
 
 
 @dataclass(frozen=True)

@@ -136,14 +136,16 @@ def check_above_zero(name: str, value: float, unit: str = "") -> None:
 
 
 def check_fields_above_zero(parameters: object, *names: str) -> None:
-    """Refuse fields of a dataclass that are not finite and above 0; the unit is that of the field's type.
+    """Refuse fields of a dataclass that are not finite and above 0; None is not given, the unit is that of the type.
 
     Raises:
         BadInput: as `check_above_zero`, for the first such field.
     """
     hints = get_type_hints(type(parameters), include_extras=True)
     for name in names:
-        check_above_zero(name, getattr(parameters, name), unit_of(hints[name]) or "")
+        value = getattr(parameters, name)
+        if value is not None:
+            check_above_zero(name, value, unit_of(hints[name]) or "")
 
 
 def period_ns(rate_hz: float, index: int) -> int:

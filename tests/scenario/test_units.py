@@ -32,7 +32,8 @@ class Parameters:
 def test_what_is_not_above_zero_and_finite_is_refused_in_the_unit_of_its_field(
     parameters: Parameters, said: str
 ) -> None:
-    """By name, value and unit; a field that is not asked about may be anything."""
+    """By name, value and unit; a field that is not asked about may be anything, one that may be missing None."""
     with pytest.raises(BadInput, match=f"^{said}, it must be above 0 and finite$"):
         check_fields_above_zero(parameters, "rate", "length", "gain")
     check_fields_above_zero(parameters, *({"rate", "length", "gain"} - {said.split(maxsplit=1)[0]}))
+    check_fields_above_zero(Parameters(length=None), "rate", "length", "gain")
