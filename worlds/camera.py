@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..randomness import Stream
-from ..rotation_columns import conjugates, exponentials, products
+from ..rotation_columns import conjugates, dots, exponentials, norms, products, turned_back
 from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
@@ -97,9 +97,9 @@ def view(camera: Camera, radius: float, places: Floats, matrices: Floats) -> Vie
         matrices: rotation matrices of the attitudes, (3, 3, N).
     """
     apart = places[:, None, :] - places[:, :, None]
-    relative = (matrices[:, :, :, None] * apart[:, None]).sum(axis=0)
+    relative = turned_back(matrices[..., None], apart)
     x, y, z = relative
-    distance = np.sqrt((apart * apart).sum(axis=0))
+    distance = norms(apart)
     seen = (distance > 0.0) & (distance <= camera.range)
     seen &= np.abs(np.arctan2(y, x)) <= 0.5 * camera.horizontal
     seen &= np.abs(np.arctan2(z, np.hypot(x, y))) <= 0.5 * camera.vertical
@@ -113,11 +113,12 @@ def _hidden(
     radius: float, apart: Floats, distance: Floats, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
     """Whether some third vehicle is in the line of sight, for each pair of `first` and `second`."""
-    sight = apart[:, first, second] / distance[first, second]
+    range_m = distance[first, second]
+    sight = apart[:, first, second] / range_m
     others = apart[:, first, :]
-    along = (sight[:, :, None] * others).sum(axis=0)
-    across = (others * others).sum(axis=0) - along * along
-    between = (along > 0.0) & (along < distance[first, second][:, None]) & (across < radius * radius)
+    along = dots(sight[:, :, None], others)
+    across = dots(others, others) - along * along
+    between = (along > 0.0) & (along < range_m[:, None]) & (across < radius * radius)
     between[np.arange(len(second)), second] = False
     return np.asarray(between.any(axis=1))
 
@@ -138,15 +139,13 @@ def frames(
         coordinates [m], its attitude relative to the camera's, ξ = R_seerᵀ R_seen, as a quaternion with w ≥ 0. None
         for a camera that recognises nobody.
     """
-    pairs = np.argwhere(sights.seen).tolist()
-    streams = [draws(*pair) for pair in pairs]
+    first, second = sights.seen.nonzero()
+    streams = [draws(*pair) for pair in zip(first.tolist(), second.tolist(), strict=True)]
     if camera.misses > 0.0:
-        chances = [each.uniform(DRAWS * index) for each in streams]
-        streams = [each for each, chance in zip(streams, chances, strict=True) if chance >= camera.misses]
-        pairs = [pair for pair, chance in zip(pairs, chances, strict=True) if chance >= camera.misses]
-    if not pairs:
+        recognised = [each.uniform(DRAWS * index) >= camera.misses for each in streams]
+        first, second, streams = first[recognised], second[recognised], list(compress(streams, recognised))
+    if not streams:
         return [None] * len(sights.seen)
-    first, second = np.array(pairs).T
     places = sights.relative[:, first, second]
     relative = products(conjugates(attitudes[:, first]), attitudes[:, second])
     if camera.depth_noise > 0.0 or camera.lateral_noise > 0.0 or camera.orientation_noise > 0.0:
@@ -154,7 +153,7 @@ def frames(
         places = places + _place_noise(camera, places, noise[:3])
         relative = products(relative, exponentials(camera.orientation_noise * noise[3:]))
     relative *= np.where(relative[0] < 0.0, -1.0, 1.0)
-    rows = np.vstack((second, places, relative)).T
+    rows = np.concatenate((second[np.newaxis], places, relative), dtype=np.float64).T
     ends = np.searchsorted(first, np.arange(len(sights.seen) + 1)).tolist()
     return [rows[start:end].copy() if end > start else None for start, end in pairwise(ends)]
 
@@ -165,8 +164,8 @@ def _normals(streams: Sequence[Stream], index: int) -> Floats:
 
 def _place_noise(camera: Camera, places: Floats, noise: Floats) -> Floats:
     """Standard normal noise (3, n) stretched along and across the lines of sight."""
-    distance = np.sqrt((places * places).sum(axis=0))
+    distance = norms(places)
     sight = places / distance
-    along = (sight * noise).sum(axis=0)
+    along = dots(sight, noise)
     across = camera.lateral_noise * distance
     return np.asarray(across * noise + (camera.depth_noise * distance * distance - across) * along * sight)

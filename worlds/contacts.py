@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rotation_columns import norms
+
 if TYPE_CHECKING:
     from .formation import FormationWorld
 
@@ -35,8 +37,7 @@ class Contacts:
             places: (3, N) [m].
             time_ns: now.
         """
-        apart = places[:, self._first] - places[:, self._second]
-        distances = np.sqrt((apart * apart).sum(axis=0))
+        distances = norms(places[:, self._first] - places[:, self._second])
         touching = distances < self._nearest
         for pair in np.flatnonzero(touching != self._touching).tolist():
             agents = [self._agents[self._first[pair]], self._agents[self._second[pair]]]

@@ -92,7 +92,7 @@ class RunningFormation:
         number = self._numbered(agent)
         if command not in COMMANDS:
             raise BadInput(f"vehicle {agent} knows no command {command!r}: it obeys {', '.join(COMMANDS)}")
-        if value.shape != (COMMANDS[command],) or not np.isfinite(value).all():
+        if value.shape != (COMMANDS[command],) or not all(map(math.isfinite, value.tolist())):
             raise BadInput(f"command {command} to vehicle {agent} takes {COMMANDS[command]} finite values, not {value}")
         self._settle(self._now_ns)
         self._samples = {}
@@ -130,7 +130,7 @@ class RunningFormation:
         state [r₁, ṙ₁, r₂, ṙ₂, …] with r_i = p_i − p_(i+1); "centre" (3,) [m]; "attitude@NAME" (4,), a quaternion.
         """
         state = self._seen_now()
-        relative = np.vstack((state.places, state.velocities))
+        relative = np.concatenate((state.places, state.velocities))
         return {
             "positions": state.places.T.ravel(),
             "velocities": state.velocities.T.ravel(),

@@ -104,6 +104,6 @@ class Units:
             fields: likewise.
             index: of the sample; noise is a function of it.
         """
-        true = np.stack((rates.T, forces.T, fields.T), axis=1) @ self.axes
+        true = np.array((rates, forces, fields)).transpose(2, 0, 1) @ self.axes
         noise = np.array([each.normals(VALUES * index, VALUES) for each in self._draws])
         return np.asarray(true.reshape(-1, VALUES) + self.bias + self._noise * noise)

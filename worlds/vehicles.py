@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..rotation_columns import exponentials, matrices, products, turned_back
+from ..rotation_columns import dots, exponentials, matrices, norms, products, turned_back
 from ..units import check_above_zero
 
 Floats = NDArray[np.float64]
@@ -152,7 +152,7 @@ def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt
     goal = _goal(R, orders)
     goal += by.goal_by_gyration * omega[_NEXT] * omega[_LAST]
     attitudes = products(q, exponentials(by.turn_by_goal * goal + by.turn_by_rate * omega))
-    attitudes /= np.sqrt((attitudes * attitudes).sum(axis=0))
+    attitudes /= norms(attitudes)
     rates = by.rate_by_goal * goal + by.rate_by_rate * omega
     turned = matrices(attitudes)
 
@@ -176,7 +176,7 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 def _pull(vehicle: Vehicle, R: Floats, orders: Orders) -> Floats:
     """Acceleration by thrust: the part of f along the body's z axis, never downwards."""
     axes = R[:, 2]
-    return np.asarray((np.maximum((axes * orders.thrusts).sum(axis=0), 0.0) / vehicle.mass) * axes)
+    return np.asarray((np.maximum(dots(axes, orders.thrusts), 0.0) / vehicle.mass) * axes)
 
 
 def _goal(R: Floats, orders: Orders) -> Floats:

@@ -14,6 +14,16 @@ _TINY = 1e-300
 """Divides in the place of 0, where the quotient is multiplied by 0 anyway."""
 
 
+def dots(v: Floats, w: Floats) -> Floats:
+    """The inner products of vectors, or of quaternions, (…): sums over the first axis."""
+    return np.asarray(np.add.reduce(v * w))
+
+
+def norms(v: Floats) -> Floats:
+    """The lengths of vectors, or of quaternions, (…)."""
+    return np.asarray(np.sqrt(dots(v, v)))
+
+
 def products(p: Floats, q: Floats) -> Floats:
     """The Hamilton products p ⊙ q, (4, …): each component is a sum of products of two components."""
     pairs = (p[:, None] * q).reshape(16, -1)
@@ -42,7 +52,7 @@ def conjugates(q: Floats) -> Floats:
 
 def exponentials(rotvec: Floats) -> Floats:
     """The unit quaternions of rotation vectors [rad], (4, …)."""
-    half = 0.5 * np.sqrt((rotvec * rotvec).sum(axis=0))
+    half = 0.5 * norms(rotvec)
     result = np.empty((4, *rotvec.shape[1:]))
     result[0] = np.cos(half)
     result[1:] = (0.5 * np.sin(half) / np.maximum(half, _TINY)) * rotvec
@@ -72,4 +82,4 @@ _QUADRATIC = _quadratic()
 
 def turned_back(R: Floats, v: Floats) -> Floats:
     """The vectors Rᵀ v, (3, …): inertial coordinates become the body's."""
-    return np.asarray((R * v[:, None]).sum(axis=0))
+    return dots(R, v[:, None])
