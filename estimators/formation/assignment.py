@@ -144,17 +144,16 @@ def occlusions(positions: ArrayLike, radius: float) -> set[Pair]:
         radius: of the sphere that stands for a vehicle [m].
     """
     places = as_array(positions, (None, 3), "positions of a formation")
-    apart = places - places[:, np.newaxis]
-    distance = np.linalg.norm(apart, axis=-1)
     found: set[Pair] = set()
-    for i, j in np.argwhere(distance > 0).tolist():
-        sight = apart[i, j] / distance[i, j]
-        along = apart[i] @ sight
-        across = np.linalg.norm(apart[i] - along[:, np.newaxis] * sight, axis=-1)
-        between = (along > 0) & (along < distance[i, j]) & (across < radius)
-        between[[i, j]] = False
-        if between.any():
-            found.add((i, j))
+    for i, apart in enumerate(places - places[:, np.newaxis]):
+        distance = np.linalg.norm(apart, axis=1)
+        seen = distance.nonzero()[0]
+        sight = apart[seen] / distance[seen, np.newaxis]
+        along = sight @ apart.T
+        across = np.linalg.norm(apart - along[..., np.newaxis] * sight[:, np.newaxis], axis=-1)
+        between = (along > 0) & (along < distance[seen, np.newaxis]) & (across < radius)
+        between[range(len(seen)), seen] = False
+        found |= {(i, j) for j in seen[between.any(axis=1)].tolist()}
     return found
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators.formation.assignment import assignment, check_observable, observability
+from volery.estimators.formation.assignment import assignment, check_observable, observability, occlusions
 from volery.estimators.formation.model import FormationModel, Pair
 from volery.randomness import stream
 
@@ -104,6 +104,16 @@ def test_a_line_that_sees_only_the_next_gives_each_its_neighbour() -> None:
     """No ring is in sight: a tree from the middle outwards or from an end, N − 1 different pairs."""
     tracked = assignment([[k, 0, 0] for k in range(5)], 1.2)
     assert {frozenset(pair) for pair in enumerate(tracked)} == {frozenset((k, k + 1)) for k in range(4)}
+
+
+def test_a_vehicle_hides_what_is_behind_it_from_both_sides_and_nothing_else() -> None:
+    """On a line, two in one place among them, then 0.3 m aside: hidden where the sphere is larger than that."""
+    line = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]
+    hidden = {(0, 3), (3, 0), (1, 3), (3, 1)}
+    assert occlusions(line, 0.2) == hidden
+    aside = [[0.0, 0.0, 0.0], [1.0, 0.3, 0.0], [3.0, 0.0, 0.0]]
+    assert occlusions(aside, 0.29) == set()
+    assert occlusions(aside, 0.31) == {(0, 2), (2, 0)}
 
 
 def test_an_assignment_that_cannot_be_is_refused_with_who_is_cut_off() -> None:
