@@ -15,6 +15,9 @@ from ..plan import Plan
 from .parameters import MavParameters
 from .sensing import CAMERA, IMU, frame_model, read_camera, read_imu, sightings
 
+_AT_ONCE = 20
+"""Sightings in one update: with many more, their covariance costs more than that of the formation."""
+
 
 class CentralisedFormation:
     """Algorithm 1 of Nägeli 2014 with all sightings of an instant in one update, and with the forces as commanded.
@@ -53,8 +56,10 @@ class CentralisedFormation:
 
     def commanded(self, agent: str, command: str, value: NDArray[np.float64], time_ns: int) -> None:
         """A force, by the vehicle's own attitude."""
+        if command != "thrust":
+            return
         attitude = self._frames[agent].attitude()
-        if command == "thrust" and attitude is not None:
+        if attitude is not None:
             self._go_on(time_ns)
             self._forces[self._names.index(agent)] = rotate(attitude, value)
 
@@ -68,7 +73,9 @@ class CentralisedFormation:
         self._now_ns = time_ns
 
     def _take_in(self) -> None:
-        self._filter.update(self._seen)
+        """In several updates where there is much: their noises are independent, so that it comes to the same."""
+        for first in range(0, len(self._seen), _AT_ONCE):
+            self._filter.update(self._seen[first : first + _AT_ONCE])
         self._seen = []
 
     def estimates(self, time_ns: int) -> Mapping[str, NDArray[np.float64]]:
