@@ -16,20 +16,23 @@ _STANDARD_NORMAL = NormalDist()
 
 
 class Stream:
-    """Draws of one purpose, by index. Memory is one block of 64 draws."""
+    """Draws of one purpose, by index. Memory is one block of 64 draws, and the generator of the next block."""
 
-    __slots__ = ("_block", "_draws", "_key")
+    __slots__ = ("_block", "_draws", "_generator", "_key")
 
     def __init__(self, key: int) -> None:
         self._key = key
         self._block = -1
         self._draws: list[int] = []
+        self._generator: Philox | None = None
 
     def uniform(self, index: int) -> float:
         """The index-th draw, uniform in the open interval (0, 1), with 52 bits: neither end is ever reached."""
         block, offset = divmod(index, _BLOCK)
         if block != self._block:
-            self._draws = Philox(key=self._key, counter=block * (_BLOCK // 4)).random_raw(_BLOCK).tolist()
+            if self._generator is None or block != self._block + 1:
+                self._generator = Philox(key=self._key, counter=block * (_BLOCK // 4))
+            self._draws = self._generator.random_raw(_BLOCK).tolist()
             self._block = block
         return ((self._draws[offset] >> 12) + 0.5) * 2.0**-52
 
