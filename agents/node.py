@@ -209,8 +209,8 @@ class Node:
         """Hand a frame to the agent; its stamp is that of the agent's own clock."""
         frame: Frame = event[DATA]
         if event[SOURCE] == WORLD:
-            for sample in unpack_samples(frame.payload):
-                self.agent.on_sample(replace(sample, time_ns=self.clock.reading(sample.time_ns)))
+            for sample in unpack_samples(frame.payload, self.clock.reading):
+                self.agent.on_sample(sample)
             return
         self.in_frame = True
         self.agent.on_frame(Received(event[SOURCE], frame.payload, self.event_ns))

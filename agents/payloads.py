@@ -30,7 +30,7 @@ def encode(values: Any, precision: Precision = "float64") -> bytes:
     def array(value: object) -> msgpack.ExtType:
         if not isinstance(value, np.ndarray) or value.ndim != 1:
             raise TypeError(f"a payload holds plain values and one-dimensional arrays, not {value!r}")
-        return msgpack.ExtType(code, value.astype(_TYPES[code]).tobytes())
+        return msgpack.ExtType(code, value.astype(_TYPES[code], copy=False).tobytes())
 
     packed: bytes = msgpack.packb(values, default=array)
     return packed

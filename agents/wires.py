@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,13 +19,13 @@ def pack_samples(samples: Iterable[Sample]) -> bytes:
 
 
 def _flat(value: NDArray[np.float64] | None) -> tuple[Sequence[int] | None, NDArray[np.float64] | None]:
-    return (None, None) if value is None else (value.shape, np.ravel(value))
+    return (None, None) if value is None else (value.shape, value.ravel())
 
 
-def unpack_samples(payload: bytes) -> list[Sample]:
-    """What `pack_samples` was given."""
+def unpack_samples(payload: bytes, reading: Callable[[int], int]) -> list[Sample]:
+    """What `pack_samples` was given, stamped with what the agent's own clock reads at the instant."""
     return [
-        Sample(sensor, index, time_ns, None if shape is None else flat.reshape(shape))
+        Sample(sensor, index, reading(time_ns), None if shape is None else flat.reshape(shape))
         for sensor, index, time_ns, shape, flat in payloads.decode(payload)
     ]
 

@@ -16,7 +16,9 @@ arrives is never smaller than what was meant.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -64,19 +66,19 @@ class Layout:
         if not 2 <= self.vehicles <= 256:
             raise BadInput(f"messages of {self.vehicles} vehicles: their numbers are one byte, give 2 to 256")
 
-    @property
+    @cached_property
     def values(self) -> int:
         """How many numbers the estimate is."""
         return 6 if self.kind == "pair" else 6 * (self.vehicles - 1)
 
-    @property
+    @cached_property
     def numbers(self) -> int:
         """How many numbers a message holds in all."""
         attitude = 4 if self.attitude and self.kind == "pair" else 0
         told = {"none": 0, "bound": self.values // 3, "whole": self.values * (self.values + 1) // 2}
         return self.values + attitude + told[self.covariance]
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Bytes of a message."""
         return _HEADER[self.kind] + self.numbers * _TYPES[self.precision].itemsize
@@ -149,8 +151,8 @@ def decode(layout: Layout, payload: bytes, *, sender: int, now_ns: int) -> Messa
         raise DamagedPayload(f"{len(payload)} bytes where {layout.describe()} has {layout.size}")
     head = _HEADER[layout.kind]
     numbers = np.frombuffer(payload[head:], dtype=_TYPES[layout.precision]).astype(np.float64)
-    if not np.isfinite(numbers).all():
-        raise DamagedPayload(f"a message of {sender} holds numbers that are not finite")
+    if not math.isfinite(numbers.dot(numbers)):
+        raise DamagedPayload(f"a message of {sender} holds numbers that are not finite, or too large to be squared")
     values, rest = numbers[: layout.values].copy(), numbers[layout.values :]
     if layout.kind == "full":
         return FullMessage(sender, _instant("full", payload[:2], now_ns), values, _covariance(layout, rest, sender))

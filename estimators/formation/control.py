@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
@@ -77,10 +78,10 @@ def control(gain: ArrayLike, state: ArrayLike, reference: ArrayLike) -> NDArray[
             f"a reference of shape {wanted.shape} and a state of shape {given.shape} for {len(matrix) // 3} vehicles: "
             f"give ({size},), position and velocity of each relative to the next"
         )
-    forces: NDArray[np.float64] = matrix.dot(wanted - given).reshape(-1, 3)
-    if not np.isfinite(forces).all():
+    forces: NDArray[np.float64] = matrix.dot(wanted - given)
+    if not math.isfinite(forces.dot(forces)):
         raise BadInput(f"a reference or a state is not finite: {wanted.tolist()}, {given.tolist()}")
-    return forces
+    return forces.reshape(-1, 3)
 
 
 @lru_cache(maxsize=16)

@@ -75,12 +75,11 @@ def sighting(first: int, second: int, position: ArrayLike, deviation: ArrayLike)
     place = np.array(position, dtype=np.float64)
     if place.shape != (3,):
         raise BadInput(f"position of a sighting has shape {place.shape}: give (3,)")
-    noise = np.asarray(deviation, dtype=np.float64)
-    if noise.ndim:
-        return Observation(((first, second),), place, checked_covariance(noise, 3, "covariance of a sighting"))
-    if not noise > 0:
-        raise BadInput(f"the deviation of a sighting is {noise:g} m: give a number above 0")
-    return Observation(((first, second),), place, _ALIKE * (noise * noise))
+    if not isinstance(deviation, int | float):
+        return Observation(((first, second),), place, checked_covariance(deviation, 3, "covariance of a sighting"))
+    if not deviation > 0:
+        raise BadInput(f"the deviation of a sighting is {deviation:g} m: give a number above 0")
+    return Observation(((first, second),), place, _ALIKE * (deviation * deviation))
 
 
 class FormationFilter:

@@ -134,6 +134,10 @@ class FormationModel:
         return replace(self, vehicles=2)
 
     @cached_property
+    def _standing(self) -> NDArray[np.float64]:
+        return np.eye(self.size)
+
+    @cached_property
     def _coupling(self) -> NDArray[np.float64]:
         coupling: NDArray[Any] = np.kron(np.eye(self.vehicles - 1), np.kron([[0.0, 1.0], [0.0, 0.0]], np.eye(3)))
         return coupling
@@ -150,7 +154,7 @@ class FormationModel:
 
     def transition(self, duration_s: float) -> NDArray[np.float64]:
         """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do without."""
-        return np.eye(self.size) + duration_s * self._coupling
+        return self._standing + duration_s * self._coupling
 
     def input_map(self, duration_s: float) -> NDArray[np.float64]:
         """B of Nägeli 2014, Sec. II-B, dense, (6(N−1), 3N) [m/N, m/(N·s)]; its rows sum to zero over the vehicles."""

@@ -32,6 +32,7 @@ LONGEST_STEP_S = 0.1
 """Longer, and the forward Euler step of (1) no longer follows: at 2 rad/s it adds 2 % to the rates in each step."""
 
 _RATES, _FORCE, _FIELD = slice(0, 3), slice(3, 6), slice(6, 9)
+_UNCHANGED = np.eye(9)
 _SMALL = 1e-2
 _UPRIGHT = 1e-6
 
@@ -145,7 +146,7 @@ def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
     if not 0.0 < dt_s <= LONGEST_STEP_S:
         raise BadInput(f"a step of {dt_s:g} s: must be above 0 and at most {LONGEST_STEP_S:g} s, take several")
     state, F = propagate(estimate.state, model, dt_s)
-    G = np.eye(9)
+    G = _UNCHANGED.copy()
     G[3:, _RATES] = 0.5 * F[3:, _RATES]
     return ImuEstimate(state, F.dot(estimate.covariance).dot(F.T) + G.dot(dt_s * model.process).dot(G.T))
 
@@ -167,8 +168,8 @@ def propagate(state: Floats, model: ImuModel, dt_s: float) -> tuple[Floats, Floa
     D = (a + 1.0, b, c, d, e + 1.0, f, g, h, i + 1.0)
     force, magnetic = _applied(E, *directions[:3]), _applied(E, *directions[3:])
     F, VD = np.zeros((9, 9)), _times(V, D)
-    F[:3, _RATES] = np.array(D).reshape(3, 3)
-    F[3:, _RATES] = dt_s * np.array((*_crossed(*force, VD), *_crossed(*magnetic, VD))).reshape(6, 3)
+    F[:, _RATES] = np.array((*D, *_crossed(*force, VD), *_crossed(*magnetic, VD))).reshape(9, 3)
+    F[3:, _RATES] *= dt_s
     F[_FORCE, _FORCE] = F[_FIELD, _FIELD] = np.array(E).reshape(3, 3)
     return np.array((x, y, z, *force, *magnetic)), F
 
@@ -232,7 +233,8 @@ def implied_attitude(state: Floats) -> Floats:
     if not across > _UPRIGHT * math.hypot(d, e, f):
         raise BadInput("the estimated magnetic field is zero or parallel to up: there is no north")
     x, y, z = x / across, y / across, z / across
-    return from_matrix(np.array(((y * c - z * b, z * a - x * c, x * b - y * a), (x, y, z), (a, b, c))))
+    R = np.array((y * c - z * b, z * a - x * c, x * b - y * a, x, y, z, a, b, c)).reshape(3, 3)
+    return from_matrix(R)
 
 
 def _checked(readings: Sequence[Reading]) -> Floats:
