@@ -331,7 +331,7 @@ class Agent:
         return ()
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """For figures: (name, unit, factor from the stored value to that unit) of each component; () to number them."""
         return ()
 
@@ -347,9 +347,9 @@ class Agent:
             return np.asarray(estimate - reference)
 
     @classmethod
-    def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def difference_labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """As `labels`, of each component of a difference."""
-        return cls.labels(quantity)
+        return cls.labels(plan, quantity)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

@@ -138,7 +138,7 @@ class Beacon(Agent):
         return once
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """A number of frames."""
         return (("received", "frames", 1.0),)
 

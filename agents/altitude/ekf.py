@@ -115,7 +115,7 @@ class AltitudeEkf(Agent):
         return list(network.findings(plan, run))
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Metres."""
         return (
             (("altitude", "m", 1.0), ("ground", "m", 1.0), ("climb rate", "m/s", 1.0)) if quantity == ALTITUDE else ()

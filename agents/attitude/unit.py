@@ -180,7 +180,7 @@ class AttitudeUnit(Agent):
         return network.findings(plan, run)
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """The components of the quaternion."""
         return tuple((f"$q_{number}$", "", 1.0) for number in range(4))
 
@@ -190,7 +190,7 @@ class AttitudeUnit(Agent):
         return attitude_difference(estimate, reference)
 
     @classmethod
-    def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def difference_labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Turns about the inertial axes."""
         return tuple((f"turn about {axis}", "deg", _DEGREE) for axis in ("x", "y", "z"))
 

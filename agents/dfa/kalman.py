@@ -143,7 +143,7 @@ class DfaKalman(FusingAgent):
         return []
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Altitude in metres, angles in degrees."""
         if quantity != ESTIMATE:
             return ()

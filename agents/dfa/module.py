@@ -159,7 +159,7 @@ class DfaModule(Agent):
         return plan.world.truth(period_ns(parameters.rate, _sample_of(plan, quantity, index)))
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Altitude in metres, angles in degrees."""
         return (("altitude", "m", 1.0), ("roll", "deg", _DEGREE), ("pitch", "deg", _DEGREE))
 

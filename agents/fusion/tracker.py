@@ -100,7 +100,7 @@ class Tracker(FusingAgent):
         return []
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Position in metres, velocity in metres per second."""
         if quantity != ESTIMATE:
             return ()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -269,6 +270,21 @@ class Mav(Agent):
         if FORMATION not in reports:
             return None
         return formation_view([agent.name for agent in plan.agents], reports[FORMATION], reports.get(COVARIANCE))
+
+    @classmethod
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
+        """Place and velocity of each vehicle as seen from the next one, the force of one, and its attitude."""
+        if quantity == FORMATION:
+            pairs = pairwise(agent.name for agent in plan.agents)
+            parts = ((pair, *kind) for pair in pairs for kind in (("", "m"), ("velocity ", "m/s")))
+            return [
+                (f"{kind}{axis} of {one} from {other}", unit, 1.0)
+                for (one, other), kind, unit in parts
+                for axis in "xyz"
+            ]
+        if quantity == FORCE:
+            return [(f"force {axis}", "N", 1.0) for axis in "xyz"]
+        return [(f"$q_{number}$", "", 1.0) for number in range(4)] if quantity == ATTITUDE else ()
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:

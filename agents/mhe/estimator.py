@@ -134,7 +134,7 @@ class Mhe(Agent):
         ]
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """Milliradians and metres."""
         if quantity.startswith(ATTITUDE):
             return tuple((angle, "mrad", 1000.0) for angle in ("roll", "pitch", "yaw"))

@@ -251,7 +251,7 @@ def _error_metrics(course: Course, steady: NDArray[np.bool_], threshold: float |
 
 def component_labels(record: Record, quantity: str, count: int) -> list[tuple[str, str, float]]:
     """Name, unit and factor to that unit of each component, numbered where the agents do not name them."""
-    return _named(_kind(record, quantity).labels(quantity), quantity, count)
+    return _named(_kind(record, quantity).labels(record.plan, quantity), quantity, count)
 
 
 def _kind(record: Record, quantity: str) -> type[Agent]:
@@ -267,7 +267,7 @@ def _components(
     record: Record, quantity: str, seen: Samples, steady: NDArray[np.bool_]
 ) -> tuple[ComponentMetrics, ...]:
     to_oracle, to_truth = (seen.apart(seen.estimate, reference)[steady] for reference in (seen.oracle, seen.truth))
-    labels = _named(_kind(record, quantity).difference_labels(quantity), quantity, to_truth.shape[2])
+    labels = _named(_kind(record, quantity).difference_labels(record.plan, quantity), quantity, to_truth.shape[2])
     return tuple(
         ComponentMetrics(name, unit, *(float(_rms(apart[:, :, number])) * factor for apart in (to_oracle, to_truth)))
         for number, (name, unit, factor) in enumerate(labels)

@@ -12,7 +12,7 @@ import pytest
 from volery.agents.mav import onlooker as mav_onlooker
 from volery.agents.mav.findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.errors import BadInput
-from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.analysis.metrics import component_labels, compute_metrics
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.load import compile_plan, load_scenario
@@ -305,3 +305,19 @@ def test_parameters_read_back_equal(tmp_path: Path) -> None:
     path.write_text(resolved_yaml(scenario), "utf-8")
     assert load_scenario(path) == scenario
     assert json.dumps(scenario.agents.parameters.references["A"]) == '{"triangle": "0.9 m"}'
+
+
+def test_components_of_a_formation_are_named_as_they_are_stored() -> None:
+    """Place and velocity of each vehicle from the next; differences of the true places are what the names say."""
+    record = fly("mav3", "duration=1 s", NO_FAULTS)
+    labels = component_labels(record, "formation", 12)
+    assert labels[0] == ("x of 1 from 2", "m", 1.0)
+    assert [name for name, _, _ in labels[5:7]] == ["velocity z of 1 from 2", "x of 2 from 3"]
+    assert [unit for _, unit, _ in labels] == (["m"] * 3 + ["m/s"] * 3) * 2
+    metrics = compute_metrics(record).quantities["formation"]
+    assert [one.name for one in metrics.components] == [name for name, _, _ in labels]
+    places = record.beside["positions"].value[0].reshape(3, 3)
+    truth = samples(record, "formation").truth[0, 0]
+    np.testing.assert_allclose(truth[[0, 6]], [places[0, 0] - places[1, 0], places[1, 0] - places[2, 0]], atol=1e-12)
+    assert component_labels(record, "force", 3)[2] == ("force z", "N", 1.0)
+    assert component_labels(record, "covariance", 144)[0] == ("covariance [0]", "", 1.0)

@@ -303,11 +303,12 @@ def test_a_hub_that_only_listens_offers_nothing() -> None:
 
 def test_the_models_believe_what_the_world_does() -> None:
     """Deviations, places and magnetic field of the world are the defaults of the estimators."""
-    world = compile_plan(load_scenario("mhe-roll")).world
+    plan = compile_plan(load_scenario("mhe-roll"))
+    world = plan.world
     model: Any = MheParameters(SENSORS).model("A")
     believed = vars(Deviations())
     for sensor, deviation in DEVIATIONS.items():
         assert believed["ranges" if sensor.startswith("range_") else sensor] == pytest.approx(deviation, rel=1e-12)
     assert (model.flow_at, model.arm, model.field) == (world.flow_at, world.airframe.arm, (0.24, 0.02, 0.39))  # type: ignore[union-attr]
     assert set(PLACES["A"]) == set(DEVIATIONS)
-    assert Mhe.labels(f"{ATTITUDE} A")[0] == ("roll", "mrad", 1000.0)
+    assert Mhe.labels(plan, f"{ATTITUDE} A")[0] == ("roll", "mrad", 1000.0)

@@ -340,7 +340,7 @@ def test_an_agent_that_overrides_nothing_takes_everything() -> None:
     plan = Bench().plan
     assert Agent.largest_payload(NoParameters()) is Agent.sends_per_second(NoParameters()) is None
     assert Agent.oracle(plan, "x", 0) is Agent.truth(plan, "x", 0, 0) is None
-    assert not Agent.labels("x")
+    assert not Agent.labels(plan, "x")
     assert not Agent.problems(plan)
 
 

@@ -63,7 +63,7 @@ class Averager(Agent):
         return np.array([1.0, 0.0]) + cls.oracle(plan, quantity, index) if quantity == "estimate" else None
 
     @classmethod
-    def labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """In millimetres and degrees."""
         return (("altitude", "mm", 1e3), ("roll", "deg", 180 / np.pi)) if quantity == "estimate" else ()
 

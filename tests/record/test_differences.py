@@ -46,7 +46,7 @@ class Compass(Agent):
         return np.concatenate([apart, 0.0 * apart], axis=-1)
 
     @classmethod
-    def difference_labels(cls, quantity: str) -> Sequence[tuple[str, str, float]]:
+    def difference_labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
         """In mrad."""
         return (("turn", "mrad", 1000.0), ("nothing", "", 1.0))
 
