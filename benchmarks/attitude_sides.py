@@ -13,7 +13,7 @@ from volery.estimators.attitude.directions import learned_quaternion
 from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
 from volery.randomness import stream
 from volery.rotations import angle_between, conjugate, euler_to_quaternion, integrate, quaternion_product, rotate
-from volery.worlds import DIRECTIONS
+from volery.worlds.rigid_body.measurement_units import DIRECTIONS
 
 Floats = NDArray[np.float64]
 

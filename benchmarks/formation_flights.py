@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from volery.units import period_ns
-from volery.worlds import build
+from volery.worlds.scenario import build
 
 RATE_HZ = 30.0
 LAG_NS = 11_000_000

@@ -15,7 +15,7 @@ GUESS = (0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1)
 
 def flight() -> tuple[Any, Any, Any]:
     """Inputs (K, 6), measured values (K, 10) and true states (K, 8) of a roll of 0.1 rad that begins at 0.4 s."""
-    from volery.worlds import build
+    from volery.worlds.scenario import build
 
     carried = {
         "imu": ["gyroscope", "accelerometer", "magnetometer"],

@@ -30,7 +30,7 @@ from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
 from volery.units import period_ns
-from volery.worlds import AltitudeWorld
+from volery.worlds.altitude.world import AltitudeWorld
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

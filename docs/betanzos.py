@@ -39,7 +39,7 @@ from volery.rotations import (
     rotate,
 )
 from volery.transport.links import NANOSECONDS
-from volery.worlds import DIRECTIONS
+from volery.worlds.rigid_body.measurement_units import DIRECTIONS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,10 +23,10 @@ from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PAGE_IN
 from volery.rotations import rotate
 from volery.topologies import formation
 from volery.units import period_ns
-from volery.worlds import build
-from volery.worlds.formation import FormationWorld
-from volery.worlds.formation_running import RunningFormation
-from volery.worlds.vehicles import Vehicle
+from volery.worlds.formation.running import RunningFormation
+from volery.worlds.formation.vehicles import Vehicle
+from volery.worlds.formation.world import FormationWorld
+from volery.worlds.scenario import build
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -29,8 +29,8 @@ from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
-from volery.worlds import Infrared, PlaneWorld
-from volery.worlds.sensors import curves
+from volery.worlds.plane.sensors import Infrared, curves
+from volery.worlds.plane.world import PlaneWorld
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..topologies import Position
-from .altitude_scenario import build_altitude
-from .formation_scenario import build_formation
-from .moving_scenario import build_moving
-from .plane_scenario import build_plane
-from .quadrotor_scenario import build_quadrotor
-from .rigid_body_scenario import build_rigid_body
-from .target_scenario import build_target
+from .altitude.scenario import build_altitude
+from .formation.scenario import build_formation
+from .moving.scenario import build_moving
+from .plane.scenario import build_plane
+from .quadrotor.scenario import build_quadrotor
+from .rigid_body.scenario import build_rigid_body
+from .target.scenario import build_target
 from .written import choice, required
 
 MOVING = "moving"

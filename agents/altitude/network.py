@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...estimators.altitude.modular_filter import GROUND, Belief, ModularFilter
 from ...estimators.altitude.replay import Stamped
 from ...units import first_period, period_ns
-from ...worlds import AltitudeWorld
+from ...worlds.altitude.world import AltitudeWorld
 from ..agent import Finding, RunData
 from ..plan import Plan
 from ..same_plan import Same

@@ -15,7 +15,7 @@ from ...estimators.attitude.dynamic_consensus import largest_step
 from ...estimators.metrics import attitude_difference, integrated_square_error
 from ...rotations import euler_to_quaternion, rotate, same_sign
 from ...units import period_ns
-from ...worlds import DIRECTIONS, RigidBodyWorld
+from ...worlds.rigid_body.measurement_units import DIRECTIONS, RigidBodyWorld
 from ..agent import Finding, RunData
 from ..plan import AgentPlan, Plan
 from .parameters import AttitudeParameters

@@ -19,7 +19,7 @@ from ...estimators.attitude.trust import Trust, judged
 from ...estimators.metrics import attitude_difference
 from ...rotations import conjugate, euler_to_quaternion, mean_quaternion, quaternion_product, rotate
 from ...units import first_period, period_ns
-from ...worlds import DIRECTIONS
+from ...worlds.rigid_body.measurement_units import DIRECTIONS
 from ..agent import Agent, Context, Finding, Offer, Received, RunData, Sample, Timer
 from ..plan import Plan
 from . import network

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...topologies import Position
 from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero, period_ns
-from ...worlds import GaussianDistance, PlaneWorld, distances
-from ...worlds.plane import GYROSCOPE, SENSOR
+from ...worlds.plane.sensors import GaussianDistance
+from ...worlds.plane.world import GYROSCOPE, SENSOR, PlaneWorld, distances
 from ..fusion.agent import ESTIMATE, FusingAgent
 from ..fusion.parameters import FusingParameters
 from ..fusion.problem import Problem, Readings

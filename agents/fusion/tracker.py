@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...estimators.information import unpack_symmetric
 from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero, period_ns
-from ...worlds.target import COORDINATES, TargetWorld, process_noise, transition
+from ...worlds.target.world import COORDINATES, TargetWorld, process_noise, transition
 from ..agent import Finding, RunData, View
 from ..plan import Plan
 from .agent import COVARIANCE, ESTIMATE, SETTLED, FusingAgent

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...rotations import quaternion_to_euler
 from ...units import first_period, period_ns
-from ...worlds import QuadrotorWorld
+from ...worlds.quadrotor.sensors import QuadrotorWorld
 from .. import measurements
 from ..agent import Agent, Context, Finding, Received, RunData, Timer
 from ..payloads import DamagedPayload

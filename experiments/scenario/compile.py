@@ -8,13 +8,16 @@ from dataclasses import replace
 
 import networkx as nx
 
-from ... import topologies, worlds
+from ... import topologies
 from ...agents.coupled_world import couple
 from ...agents.plan import AgentPlan, Coupled, Plan, World, moving
 from ...errors import BadInput
 from ...topologies import TimedGraph
 from ...transport.faults import Fault, LinkName
 from ...transport.links import LinkSettings
+from ...worlds.moving.motions import MovingWorld
+from ...worlds.scenario import MOVING, needs_places
+from ...worlds.scenario import build as build_world
 from .contradictions import contradictions
 from .expansion import expand
 from .fault_places import Places, changed_links, group_problems, parse_agents
@@ -91,9 +94,9 @@ def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGra
         BadInput: no graph, or nobody moves where the graph follows from that.
     """
     spec, seed, duration_ns = scenario.topology, scenario.seed, scenario.duration
-    if _PROXIMITY in spec and scenario.world is not None and scenario.world.get("kind") == worlds.MOVING:
-        world = worlds.build(scenario.world, {}, seed)
-        places = world.positions if isinstance(world, worlds.MovingWorld) else None
+    if _PROXIMITY in spec and scenario.world is not None and scenario.world.get("kind") == MOVING:
+        world = build_world(scenario.world, {}, seed)
+        places = world.positions if isinstance(world, MovingWorld) else None
         return topologies.build_over_time(spec, seed, duration_ns, places), world
     timed = topologies.build_over_time(spec, seed, duration_ns)
     return timed, _world(scenario, timed.union, problems)
@@ -162,12 +165,12 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
         return None
     positions = topologies.positions(graph)
     try:
-        if not positions and worlds.needs_places(scenario.world):
+        if not positions and needs_places(scenario.world):
             kind = next(iter(scenario.topology))
             text = f"agents of topology {kind} have no positions, and this world needs them"
             raise BadInput(f"world: {text}: take an array, or drop the world")
         places = {name: (x, y) for name, (x, y, *_) in positions.items()}
-        world: World | Coupled = worlds.build(scenario.world, places, scenario.seed, topologies.agents(graph))
+        world: World | Coupled = build_world(scenario.world, places, scenario.seed, topologies.agents(graph))
     except BadInput as error:
         problems.append(_placed(error, "world"))
         return None

@@ -24,7 +24,7 @@ from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.rotations import conjugate, euler_to_quaternion, quaternion_product
 from volery.transport.faults import SensorFault
-from volery.worlds import DIRECTIONS
+from volery.worlds.rigid_body.measurement_units import DIRECTIONS
 
 Floats = NDArray[np.float64]
 

@@ -27,8 +27,9 @@ from volery.transport.latencies import Constant, Uniform
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
 from volery.transport.media import HalfDuplex, Tdma
-from volery.worlds import GaussianDistance, PlaneWorld
 from volery.worlds import signals as truth
+from volery.worlds.plane.sensors import GaussianDistance
+from volery.worlds.plane.world import PlaneWorld
 
 MS = 1_000_000
 NUMBERS = 9

@@ -22,7 +22,7 @@ from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
-from volery.worlds.quadrotor_sensors import DEVIATIONS
+from volery.worlds.quadrotor.sensors import DEVIATIONS
 
 Floats = NDArray[np.float64]
 MS = 1_000_000

@@ -16,7 +16,7 @@ from volery.experiments.cli import live as cli_live
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import Places
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
-from volery.worlds import build
+from volery.worlds.scenario import build
 
 from .conftest import Volery
 

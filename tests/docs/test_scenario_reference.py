@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from volery import topologies, worlds
+from volery import topologies
 from volery.agents.altitude.parameters import AltitudeEkfParameters
 from volery.agents.attitude.parameters import AttitudeParameters
 from volery.agents.beacon import BeaconParameters
@@ -28,6 +28,7 @@ from volery.estimators.altitude.modular_filter import GroundJumps
 from volery.estimators.horizon.quadrotor_model import Deviations
 from volery.experiments.scenario.link_schema import ACCESSES
 from volery.experiments.scenario.load import json_schema, load_scenario
+from volery.worlds.scenario import build
 
 from .conftest import DOCS, blocks
 
@@ -145,7 +146,7 @@ FLIGHT = {"flight": {"waypoints": [[0, 0], ["1 m", 0]]}}
 )
 def test_every_world_is_explained(spec: dict[str, Any], count: int) -> None:
     """What the readers of `world:` know, likewise."""
-    names = told(worlds.build, spec, {"1": (0.0, 0.0)}, 0, ["a", "b"])
+    names = told(build, spec, {"1": (0.0, 0.0)}, 0, ["a", "b"])
     assert len(names) == count
     assert set(names) - IN_CODE == set()
 

@@ -24,7 +24,7 @@ from volery.rotations import (
     quaternion_product,
     rotate,
 )
-from volery.worlds import DIRECTIONS
+from volery.worlds.rigid_body.measurement_units import DIRECTIONS
 
 Floats = NDArray[np.float64]
 

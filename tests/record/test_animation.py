@@ -23,7 +23,7 @@ from volery.experiments.figures.animation import animate, draw_picture, still
 from volery.experiments.figures.plan_view import Carries, PlanView
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
-from volery.worlds.motions import MovingWorld, Paths
+from volery.worlds.moving.motions import MovingWorld, Paths
 
 MS = 1_000_000
 Floats = NDArray[np.float64]

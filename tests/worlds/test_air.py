@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds.air import Gust, Random, Scripted, Swirl, Turbulence, Weather
+from volery.worlds.formation.air import Gust, Random, Scripted, Swirl, Turbulence, Weather
 
 SECOND = 1_000_000_000
 AGENTS = [str(number) for number in range(1, 31)]

@@ -12,17 +12,11 @@ import pytest
 
 from volery.errors import BadInput
 from volery.units import period_ns
-from volery.worlds import (
-    AltitudeSensor,
-    AltitudeWorld,
-    BarometerSensor,
-    ImuSensor,
-    Obstacle,
-    RangeSensor,
-    Room,
-    Tour,
-    build,
-)
+from volery.worlds.altitude.room import Obstacle, Room
+from volery.worlds.altitude.sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
+from volery.worlds.altitude.tour import Tour
+from volery.worlds.altitude.world import AltitudeWorld
+from volery.worlds.scenario import build
 from volery.worlds.walks import walk
 
 S = 1_000_000_000

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.worlds import Calibration, calibrate
+from volery.worlds.plane.calibration import Calibration, calibrate
 
 # With b ≥ 0.2 the curves that turn (c < 0) do so beyond 1.9 m.
 curves = st.builds(

@@ -13,8 +13,8 @@ from volery.errors import BadInput
 from volery.randomness import Stream, stream
 from volery.rotation_columns import matrices
 from volery.rotations import conjugate, euler_to_quaternion, log_quaternion, quaternion_product, to_matrix
-from volery.worlds.camera import Camera, View, frames
-from volery.worlds.camera import view as view_of
+from volery.worlds.formation.camera import Camera, View, frames
+from volery.worlds.formation.camera import view as view_of
 
 Floats = NDArray[np.float64]
 RADIUS = 0.2

@@ -15,12 +15,12 @@ from volery.errors import BadInput
 from volery.rotations import angle_between, integrate, rotate, to_matrix
 from volery.topologies import formation
 from volery.units import period_ns
-from volery.worlds.air import Gust, Scripted, Turbulence
-from volery.worlds.camera import Camera
-from volery.worlds.formation import FormationWorld
-from volery.worlds.formation_running import RunningFormation
-from volery.worlds.imu import Imu
-from volery.worlds.vehicles import GRAVITY, Vehicle
+from volery.worlds.formation.air import Gust, Scripted, Turbulence
+from volery.worlds.formation.camera import Camera
+from volery.worlds.formation.imu import Imu
+from volery.worlds.formation.running import RunningFormation
+from volery.worlds.formation.vehicles import GRAVITY, Vehicle
+from volery.worlds.formation.world import FormationWorld
 
 Floats = NDArray[np.float64]
 MS, SECOND = 1_000_000, 1_000_000_000

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds import build
-from volery.worlds.air import Gust, Random, Scripted, Turbulence
-from volery.worlds.camera import Camera
-from volery.worlds.formation import FormationWorld
-from volery.worlds.imu import Imu
-from volery.worlds.vehicles import Vehicle
+from volery.worlds.formation.air import Gust, Random, Scripted, Turbulence
+from volery.worlds.formation.camera import Camera
+from volery.worlds.formation.imu import Imu
+from volery.worlds.formation.vehicles import Vehicle
+from volery.worlds.formation.world import FormationWorld
+from volery.worlds.scenario import build
 
 AGENTS = ("1", "2", "3")
 MS, SECOND = 1_000_000, 1_000_000_000

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.rotations import log_so3
-from volery.worlds.imu import Imu, Units
+from volery.worlds.formation.imu import Imu, Units
 
 Floats = NDArray[np.float64]
 MANY = [str(number) for number in range(1, 401)]

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds import MOVING, Circle, MovingWorld, Paths, RandomWaypoint, build
+from volery.worlds.moving.motions import Circle, MovingWorld, Paths, RandomWaypoint
+from volery.worlds.scenario import MOVING, build
 
 S = 1_000_000_000
 AREA = (100.0, 60.0)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery import worlds
 from volery.errors import BadInput
 from volery.rotations import conjugate, log_quaternion, quaternion_product, quaternion_to_euler
-from volery.worlds import Airframe, Constant, Flight, Manoeuvre, QuadrotorWorld, Ramp, Steps
-from volery.worlds.quadrotor import GRAVITY
-from volery.worlds.quadrotor_sensors import DEVIATIONS, FIELD, RANGES
+from volery.worlds.quadrotor.flight import GRAVITY, Airframe, Flight, Manoeuvre
+from volery.worlds.quadrotor.sensors import DEVIATIONS, FIELD, RANGES, QuadrotorWorld
+from volery.worlds.scenario import build
+from volery.worlds.signals import Constant, Ramp, Steps
 
 SECOND = 1_000_000_000
 INSTANTS = [5 * SECOND + 137_000_000, 5 * SECOND + 400_000_000, 7 * SECOND]
@@ -149,7 +149,7 @@ def test_a_scenario_says_who_carries_what() -> None:
     """Sensors, rates, signals and switches as they are written; an agent that is not named carries nothing."""
     ramp = {"ramp": {"from": "10 m", "to": "11 m", "at": "5 s", "over": "1 s"}}
     spec = {**SPEC, "altitude": ramp, "rates": {"flow": "50 Hz"}, "noise": 2, "as_printed": "range"}
-    built = worlds.build(spec, {}, 5, ["eye", "hub", "imu"])
+    built = build(spec, {}, 5, ["eye", "hub", "imu"])
     assert built.sensors("imu") == {"gyroscope": 100.0, "accelerometer": 100.0}
     assert built.sensors("eye") == {"flow": 50.0}
     assert built.sensors("hub") == {}
@@ -190,7 +190,7 @@ def test_a_scenario_says_who_carries_what() -> None:
 def test_what_cannot_be_flown_is_refused(changes: dict[str, Any], said: str) -> None:
     """Each with its place and the remedy."""
     with pytest.raises(BadInput, match=said.replace("(", r"\(").replace("?", r"\?")):
-        worlds.build({**SPEC, **changes}, {}, 5, ["eye", "imu"])
+        build({**SPEC, **changes}, {}, 5, ["eye", "imu"])
 
 
 def test_a_sensor_that_an_agent_does_not_carry_is_refused() -> None:

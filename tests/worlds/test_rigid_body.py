@@ -13,7 +13,10 @@ from scipy.integrate import solve_ivp
 
 from volery.errors import BadInput
 from volery.rotations import angle_between, euler_to_quaternion, quaternion_product, quaternion_rate, rotate
-from volery.worlds import DIRECTIONS, Constant, MeasurementUnit, RigidBody, RigidBodyWorld, Sine, Turning, build
+from volery.worlds.rigid_body.body import RigidBody, Turning
+from volery.worlds.rigid_body.measurement_units import DIRECTIONS, MeasurementUnit, RigidBodyWorld
+from volery.worlds.scenario import build
+from volery.worlds.signals import Constant, Sine
 
 SECOND = 1_000_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)

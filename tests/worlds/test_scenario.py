@@ -6,7 +6,10 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds import Constant, GaussianDistance, Infrared, PlaneWorld, Sine, Steps, build
+from volery.worlds.plane.sensors import GaussianDistance, Infrared
+from volery.worlds.plane.world import PlaneWorld
+from volery.worlds.scenario import build
+from volery.worlds.signals import Constant, Sine, Steps
 
 PLACES = {"1": (0.0, 0.0), "2": (0.25, 0.0)}
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.worlds import Constant, Signal, Sine, Steps
+from volery.worlds.signals import Constant, Signal, Sine, Steps
 
 SECOND = 1_000_000_000
 SIGNALS: list[Signal] = [

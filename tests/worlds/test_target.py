@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds import build
-from volery.worlds.target import TargetWorld, process_noise, transition
+from volery.worlds.scenario import build
+from volery.worlds.target.world import TargetWorld, process_noise, transition
 
 AGENTS = ("1", "2", "3", "4")
 

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.worlds import Tour
-from volery.worlds.tour import GRAVITY
+from volery.worlds.altitude.tour import GRAVITY, Tour
 
 S = 1_000_000_000
 STEP_NS = 100_000

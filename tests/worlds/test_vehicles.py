@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from volery.errors import BadInput
 from volery.rotations import quaternion_rate, rotate
-from volery.worlds.vehicles import GRAVITY, Orders, State, Vehicle, accelerations, at_rest, step
+from volery.worlds.formation.vehicles import GRAVITY, Orders, State, Vehicle, accelerations, at_rest, step
 
 Floats = NDArray[np.float64]
 ROUNDING = 1e-11

@@ -1,0 +1,1 @@
+"""A vehicle over the obstacles of a room, `kind: altitude`, Bavle 2017."""

@@ -1,0 +1,1 @@
+"""Micro aerial vehicles that agents steer, `kind: formation`, Nägeli 2014."""

@@ -1,0 +1,1 @@
+"""A target that moves in the plane, `kind: target`."""
