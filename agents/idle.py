@@ -7,7 +7,7 @@ from dataclasses import MISSING, Field, fields
 from typing import Any, get_type_hints
 
 from ..errors import BadInput
-from ..units import Unit
+from ..units import quantity, unit_of
 
 
 def refuse_idle(parameters: Any, names: Collection[str], because: str, within: str = "") -> None:
@@ -34,6 +34,9 @@ def _default(field: Field[Any]) -> Any:
 
 
 def _written(parameters: Any, name: str, value: Any) -> str:
-    marks = getattr(get_type_hints(type(parameters), include_extras=True)[name], "__metadata__", ())
-    number = f"{value:g}" if isinstance(value, float) else str(value)
-    return " ".join([number, *(mark.name for mark in marks if isinstance(mark, Unit))])
+    unit = unit_of(get_type_hints(type(parameters), include_extras=True)[name])
+    if unit is None:
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(quantity(one, unit) for one in value)}]"
+    return quantity(value, unit)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...transport.links import NANOSECONDS
-from ...units import check_above_zero
+from ...units import check_above_zero, quantity
 from ..record.record import Record
-from ..scenario.writing import quantity
 from .of_runs import BLACK, BLUE, DARK_GREY, GREEN, PURPLE, SKY, STYLE, VERMILION, check_formats, save
 from .plan_view import Carries, Picture, PlanView
 

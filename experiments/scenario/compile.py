@@ -15,6 +15,7 @@ from ...errors import BadInput
 from ...topologies import TimedGraph
 from ...transport.faults import Fault, LinkName
 from ...transport.links import LinkSettings
+from ...units import quantity
 from ...worlds.moving.motions import MovingWorld
 from ...worlds.scenario import MOVING, needs_places
 from ...worlds.scenario import build as build_world
@@ -25,7 +26,6 @@ from .fitting import misfits
 from .reading import Problem
 from .schema import AgentKind, Scenario
 from .slots import radio_slots
-from .writing import quantity
 
 _PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
 _PROXIMITY = "proximity"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from ...errors import BadInput
 from ...randomness import stream
-from ...units import Nanoseconds
-from .writing import quantity
+from ...units import Nanoseconds, quantity
 
 MOST, MOST_OF_A_PLACE = 10_000, 1_000
 """More faults of one entry, and of one of its places, than anybody means."""

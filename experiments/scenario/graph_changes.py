@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ... import topologies
 from ...agents.plan import Plan
 from ...topologies import Span, TimedGraph
-from .writing import quantity
+from ...units import quantity
 
 
 @dataclass(frozen=True)

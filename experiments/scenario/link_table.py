@@ -14,10 +14,11 @@ from ...transport.faults import LinkFault, LinkName
 from ...transport.links import LinkSettings
 from ...transport.losses import Loss
 from ...transport.media import FullDuplex, HalfDuplex, Tdma, on_air
+from ...units import quantity
 from .fault_labels import fault_label
 from .fitting import slots_of
 from .link_schema import LinkFields
-from .writing import quantity, spelled
+from .writing import spelled
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -24,13 +24,13 @@ from ruamel.yaml import YAML
 from ...agents import registry
 from ...agents.plan import MILLISECOND_NS
 from ...errors import BadInput
-from ...units import Nanoseconds
+from ...units import Nanoseconds, quantity
 from .explaining import schema_fields
 from .fault_places import read_groups, read_words
 from .link_schema import STRICT, LinkFields, Links, LinksFields, Reader, read_links, validated
 from .reading import Loc
 from .timeline import FaultEntry
-from .writing import quantity, spelled
+from .writing import spelled
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _PARAMETERS = ("parameters", "parameters")

@@ -8,11 +8,10 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from ...errors import BadInput
-from ...units import Nanoseconds, PartsPerBillion
+from ...units import Nanoseconds, PartsPerBillion, quantity
 from .fault_processes import Every
 from .link_schema import STRICT, LinkFields, Reader, Words
 from .partitions import PartitionWord
-from .writing import quantity
 
 ACTIONS = ("cut", "hold", "partition", "set", "kill", "pause", "hog", "clock", "sensor")
 TROUBLES = ("failed", "stuck", "bias", "noise", "spikes")

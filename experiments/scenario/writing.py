@@ -4,39 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from fractions import Fraction
 from typing import Any, get_args, get_type_hints
 
 from ...transport.csma import Csma
 from ...transport.latencies import LATENCIES
 from ...transport.losses import LOSSES
 from ...transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
-from ...units import parse, unit_of
+from ...units import quantity, unit_of
 
-_UNITS = {
-    "ns": ("s", "ms", "us", "ns"),
-    "bit/s": ("Mbit/s", "kbit/s", "bit/s"),
-    "rad": ("deg", "rad"),
-    "ppb": ("ppm", "ppb"),
-}
 ACCESS_NAMES: dict[type, str] = {Aloha: "aloha", SlottedAloha: "slotted-aloha", Tdma: "tdma", Csma: "csma"}
 _NAMES: dict[type, str] = {
     **{model: name for models in (LOSSES, LATENCIES) for name, model in models.items()},
     **ACCESS_NAMES,
 }
 _KINDS: dict[type, str] = {FullDuplex: "full-duplex", HalfDuplex: "half-duplex"}
-
-
-def quantity(value: float, unit: str) -> str:
-    """Text such as "2.5 ms" that `units.parse` reads as exactly this value, in the unit that makes it shortest."""
-    exact = f"{value!r} {unit}"
-    texts = [f"{_number(value, name, unit)} {name}" for name in _UNITS.get(unit, (unit,))]
-    return min((text for text in (*texts, exact) if parse(text, unit) == value), key=len)
-
-
-def _number(value: float, name: str, unit: str) -> str:
-    scaled = Fraction(value) / Fraction(parse(f"1 {name}", unit))
-    return str(scaled.numerator) if scaled.denominator == 1 else repr(float(scaled)).removesuffix(".0")
 
 
 def spelled(value: Any, hint: Any = Any) -> Any:

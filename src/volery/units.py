@@ -1,4 +1,4 @@
-"""Quantities with units: parse "20 Hz", "2 ms", "115.2 kbit/s", "5 deg" and say which unit a field is in.
+"""Quantities with units: read and write "20 Hz", "2 ms", "115.2 kbit/s", "5 deg", and say which unit a field is in.
 
 A field's type names its unit, e.g. `rate: Hertz`, `latency: Nanoseconds`. The scenario reader turns text into the
 number in that unit; a plain number is refused where a unit is needed, so that nobody guesses between ms and s.
@@ -52,6 +52,13 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "ppb": {"ppb": Fraction(1), "ppm": Fraction(1000)},
 }
 _WHOLE = ("ns", "B", "ppb")
+_WRITTEN_IN = {
+    "ns": ("s", "ms", "us", "ns"),
+    "bit/s": ("Mbit/s", "kbit/s", "bit/s"),
+    "rad": ("deg", "rad"),
+    "ppb": ("ppm", "ppb"),
+}
+"""Units of a kind in which a number may be written, where there are several."""
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d].*?)?\s*")
 
 
@@ -68,6 +75,18 @@ def parse(text: str, unit: str) -> float | int:
     scale = scales[match[2]]
     value = Fraction(match[1]) * scale if isinstance(scale, Fraction) else float(match[1]) * scale
     return round(value) if unit in _WHOLE else float(value)
+
+
+def quantity(value: float, unit: str) -> str:
+    """Text such as "2.5 ms" that `parse` reads as exactly this value, in the unit that makes it shortest."""
+    exact = f"{value!r} {unit}"
+    texts = [f"{_number(value, name, unit)} {name}" for name in _WRITTEN_IN.get(unit, (unit,))]
+    return min((text for text in (*texts, exact) if parse(text, unit) == value), key=len)
+
+
+def _number(value: float, name: str, unit: str) -> str:
+    scaled = Fraction(value) / Fraction(parse(f"1 {name}", unit))
+    return str(scaled.numerator) if scaled.denominator == 1 else repr(float(scaled)).removesuffix(".0")
 
 
 @dataclass(frozen=True)

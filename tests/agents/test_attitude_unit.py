@@ -340,7 +340,7 @@ def test_without_trouble_nothing_is_said_of_it() -> None:
         (["agents.gain=0"], "gain is 0, it must be above 0"),
         (["agents.max_age=0"], "max_age is 0, it must be from 1"),
         (["agents.trust=200 deg"], "trust is 200 deg, it must be above 0 and at most 180 deg"),
-        (["agents.forget=2 s"], "forget is 2000000000 ns, and without trust no residual is looked at: leave it out"),
+        (["agents.forget=2 s"], "forget is 2 s, and without trust no residual is looked at: leave it out"),
         (["agents.forget=50 ms"], "forget is 0.05 s, shorter than from one sample to the next"),
     ],
 )

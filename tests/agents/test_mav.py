@@ -257,7 +257,7 @@ def test_the_centre_is_pushed_by_differences_only() -> None:
         (["agents.frames={consensus: false, anchor: 0.1}"], r"frames\.anchor is 0\.1, and consensus is false"),
         (
             ["agents.filtering={delay: ignore, history: 2 s}"],
-            r"filtering\.history is 2000000000 ns, and delay is ignore",
+            r"filtering\.history is 2 s, and delay is ignore",
         ),
         (
             ["agents.filtering.weighting=fast"],

@@ -247,7 +247,7 @@ SENSORS = {"imu": ("gyroscope", "accelerometer", "magnetometer")}
         ({"configurations": ("B",), "lowest": -1.0}, "lowest is -1 m, and only configuration A reads it: add A, or le"),
         ({"configurations": ("B",), "altitude": 9.0}, "altitude is 9 m, and only configuration A"),
         ({"configurations": ("B",), "arm": 0.5}, r"arm is 0\.5 m, and only configuration A"),
-        ({"configurations": ("B",), "flow_at": (0.0, 0.0, 0.0)}, r"flow_at is \(0\.0, 0\.0, 0\.0\), and only config"),
+        ({"configurations": ("B",), "flow_at": (0.0, 0.0, 0.0)}, r"flow_at is \[0 m, 0 m, 0 m\], and only config"),
         (
             {"configurations": ("B",), "as_printed": ("accelerometer", "range")},
             "as_printed names range, and only config",

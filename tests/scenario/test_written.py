@@ -20,7 +20,7 @@ from volery.experiments.scenario.load import (
     scenario_text,
 )
 from volery.experiments.scenario.validate import validate_plan
-from volery.experiments.scenario.writing import quantity
+from volery.units import quantity
 
 from .conftest import Load
 
