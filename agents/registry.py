@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from functools import cache
-from importlib import import_module
 from importlib.metadata import entry_points
 
 from ..errors import BadInput
+from ..names import did_you_mean, imported_class
 from .agent import Agent
 
 ENTRY_POINTS = "volery.agents"
@@ -42,15 +41,6 @@ def find(kind: str) -> type[Agent]:
     if target is None:
         points = entry_points(group=ENTRY_POINTS, name=kind)
         if not points:
-            near = difflib.get_close_matches(kind, names(), 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names())}, or package.module:Class"
-            raise BadInput(f"unknown agent kind {kind!r}; {hint}")
+            raise BadInput(f"unknown agent kind {kind!r}{did_you_mean(kind, names())}, or write package.module:Class")
         target = next(iter(points)).value
-    module, _, attribute = target.partition(":")
-    try:
-        found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise BadInput(f"agent kind {kind!r} cannot be loaded: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, Agent)):
-        raise BadInput(f"agent kind {kind!r} is {found!r}, not a subclass of volery.agents.Agent")
-    return found
+    return imported_class(target, Agent, f"agent kind {kind!r}")

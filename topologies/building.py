@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,7 @@ import networkx as nx
 
 from .. import units
 from ..errors import BadInput
+from ..names import did_you_mean
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
 from .files import read
 from .graphs import from_edges
@@ -75,7 +75,7 @@ def _kind_of(spec: Mapping[str, Any]) -> str:
     for key in spec:
         if key in OVER_TIME:
             raise BadInput(f"topology: {key} is a graph that changes, and cannot stand here: use another kind")
-        raise BadInput(f"topology: unknown kind {key!r}{_hint(key, (*_KINDS, *OVER_TIME))}")
+        raise BadInput(f"topology: unknown kind {key!r}{did_you_mean(key, (*_KINDS, *OVER_TIME))}")
     raise BadInput(f"topology: no kind: write one of {', '.join((*_KINDS, *OVER_TIME))}")
 
 
@@ -90,7 +90,7 @@ def _given(name: str, kind: _Kind, spec: Mapping[str, Any]) -> dict[str, Any]:
         given = {**_plain(name, kind, value), **beside}
     for key in given:
         if key not in kind.fields:
-            raise BadInput(f"topology.{name}: unknown parameter {key!r}{_hint(key, kind.fields)}")
+            raise BadInput(f"topology.{name}: unknown parameter {key!r}{did_you_mean(key, kind.fields)}")
     return given
 
 
@@ -108,11 +108,6 @@ def _read(place: str, reader: _Reader, value: object) -> Any:
         return reader(value)
     except BadInput as error:
         raise BadInput(f"{place}: {error}") from error
-
-
-def _hint(key: object, known: Collection[str]) -> str:
-    close = difflib.get_close_matches(str(key), known, n=1)
-    return f": did you mean {close[0]}?" if close else f": it is one of {', '.join(known)}"
 
 
 def _integer(value: object) -> int:

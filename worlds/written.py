@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from difflib import get_close_matches
 from typing import Any
 
 from ..errors import BadInput
+from ..names import did_you_mean
 from ..units import Unit
 
 
@@ -62,6 +62,4 @@ def choice(word: object, known: Collection[str], place: str) -> None:
         BadInput: it is not known, with the nearest that is.
     """
     if word not in known:
-        close = get_close_matches(str(word), known, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"use {', '.join(known)}"
-        raise BadInput(f"{place}: {word!r} is not known: {hint}")
+        raise BadInput(f"{place}: {word!r} is not known{did_you_mean(str(word), known)}")

@@ -6,15 +6,14 @@ is Metropolis averaging.
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from types import MappingProxyType
 
 from ...errors import BadInput
+from ...names import did_you_mean, imported_class
 from ..averages.average_consensus import AVERAGINGS
 from .consensus_filters import (
     ConsensusOnInformation,
@@ -89,15 +88,6 @@ def choose_filter(name: str, options: Mapping[str, float] | None = None) -> Filt
 def _find(name: str) -> type[Filter]:
     if name in FILTERS:
         return FILTERS[name]
-    module, colon, attribute = name.partition(":")
-    if not colon:
-        near = difflib.get_close_matches(name, FILTERS, 1)
-        hint = f"did you mean {near[0]}?" if near else f"use {', '.join(FILTERS)}, or package.module:Class"
-        raise BadInput(f"filter {name!r} is not known: {hint}")
-    try:
-        found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise BadInput(f"filter {name!r} cannot be loaded: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, Filter)):
-        raise BadInput(f"filter {name!r} is {found!r}, no subclass of volery.estimators.distributed.filtering.Filter")
-    return found
+    if ":" not in name:
+        raise BadInput(f"filter {name!r} is not known{did_you_mean(name, FILTERS)}, or write package.module:Class")
+    return imported_class(name, Filter, f"filter {name!r}")

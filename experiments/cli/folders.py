@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ..record.run_files import INFO_FILE, RECORD_FILE, SCENARIO_FILE, SWEEP_FILE
-from ..scenario.explaining import did_you_mean
 
 LAST = "last"
 

@@ -9,9 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ...units import parse, quantity
 from ..record.record import Record
-from ..scenario.explaining import did_you_mean
 
 From = Annotated[str | None, Parameter("--from", help="Instant to begin at, e.g. 2s.")]
 Until = Annotated[str | None, Parameter("--until", help="Instant to end before, e.g. 3s.")]

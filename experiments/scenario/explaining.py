@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
 
+from ...names import did_you_mean, nearest
 from .reading import Loc, Problem
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
@@ -16,15 +16,6 @@ _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
 _MAPPING = {"model_type", "dataclass_type", "dict_type", "model_attributes_type"}
 _LIST = {"list_type", "tuple_type"}
 _LONGEST = 60
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint in parentheses: the nearest known name, else all of them; empty where none is known."""
-    names = sorted(known)
-    near = difflib.get_close_matches(name, names, 1)
-    if near:
-        return f" (did you mean {near[0]!r}?)"
-    return f" (known: {', '.join(names)})" if names else ""
 
 
 def explain(error: ValidationError, known: Callable[[Loc], Iterable[str]]) -> list[Problem]:
@@ -58,7 +49,7 @@ def _message(kind: str, detail: Mapping[str, Any]) -> str:
 
 
 def _nearest(name: str, names: list[str]) -> str:
-    return did_you_mean(name, names) if difflib.get_close_matches(name, names, 1) else ""
+    return did_you_mean(name, names) if nearest(name, names) else ""
 
 
 def schema_fields(schema: Mapping[str, Any], loc: Loc) -> set[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...errors import BadInput
-from .explaining import did_you_mean
+from ...names import did_you_mean
 from .reading import parse
 
 _FOLDER = Path(__file__).parents[2] / "scenarios"

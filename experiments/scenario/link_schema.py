@@ -24,13 +24,14 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import TypedDict
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ...transport.csma import Csma
 from ...transport.latencies import LATENCIES, Latency, LatencyTrace
 from ...transport.links import Bucket, LinkSettings, Queue
 from ...transport.losses import LOSSES, Loss, LossTrace
 from ...transport.media import Access, Aloha, FullDuplex, HalfDuplex, Medium, SlottedAloha, Tdma
 from ...units import BitsPerSecond, Bytes, Nanoseconds
-from .explaining import did_you_mean, explain, schema_fields
+from .explaining import explain, schema_fields
 from .fault_places import read_words
 from .presets import PRESET, PresetName, with_preset
 from .reading import describe

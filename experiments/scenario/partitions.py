@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ...randomness import stream
 from ...transport.faults import LinkName
-from .explaining import did_you_mean
 from .fault_places import Places, check_agent, parse_agents, read_words
 from .link_schema import Reader
 

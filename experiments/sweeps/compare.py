@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ..analysis.statistics import CONFIDENCE, SIGNIFICANCE, Interval, holm, mean_interval, paired_test
-from ..scenario.explaining import did_you_mean
 from .results import Sweep
 
 SWEEP = "sweep"

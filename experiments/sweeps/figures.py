@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import BadInput
+from ...names import did_you_mean
 from ..analysis.statistics import CONFIDENCE, Interval, mean_interval
 from ..figures.of_runs import BLACK, BLUE, COLUMN_IN, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION, check_formats, save
-from ..scenario.explaining import did_you_mean
 from .plan import SweptAxis
 from .results import Sweep
 

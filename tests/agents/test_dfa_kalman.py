@@ -128,7 +128,7 @@ def test_gyros_make_the_estimate_better_than_each_sample_by_itself() -> None:
         ("world={kind: target}", "dfa-kalman needs a plane"),
         ("world.distance_noise=0 m", "the world does not say the noise of a distance"),
         ("agents.turn=0 rad", "turn is 0"),
-        ("world.gyroscope={nose: 1 deg/s}", "did you mean noise"),
+        ("world.gyroscope={nose: 1 deg/s}", "did you mean 'noise'"),
         ("world.gyroscope=1", "must be a mapping"),
         ("world.gyroscope.noise=-1 deg/s", "must be at least 0"),
     ],

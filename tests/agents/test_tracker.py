@@ -178,7 +178,7 @@ def test_a_filter_of_ones_own_runs_by_its_module() -> None:
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("agents.filter=locale", "did you mean local"),
+        ("agents.filter=locale", "did you mean 'local'"),
         ("agents.filter=hybrid/mean", "averaging 'mean' is not known"),
         ("agents.rounds=0", "rounds is 0, at least 1 is needed"),
         ("agents.memory=0", "memory is 0"),

@@ -77,8 +77,8 @@ def schema_names(node: Any) -> Iterator[str]:
 
 
 def known(message: str) -> list[str]:
-    """The names that an error message lists after its last colon or the word `of` or `use`."""
-    return re.split(r", | and ", re.split(r"one of |use ", message)[-1])
+    """The names that an error message lists: those that are known, in parentheses, or after the words `one of`."""
+    return re.split(r", | and ", re.split(r"one of |\(known: ", message)[-1].removesuffix(")"))
 
 
 def test_every_field_of_the_schema_is_explained() -> None:

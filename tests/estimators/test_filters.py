@@ -227,13 +227,13 @@ def test_covariance_intersection_has_the_smallest_determinant_on_the_segment(see
 
 def test_names_options_and_averagings_are_checked() -> None:
     """The message says what there is."""
-    with pytest.raises(BadInput, match="did you mean local"):
+    with pytest.raises(BadInput, match="did you mean 'local'"):
         choose_filter("locale")
     with pytest.raises(BadInput, match="averaging 'mean' is not known: use metropolis"):
         choose_filter("hybrid/mean")
     with pytest.raises(BadInput, match="no option 'gian': it has gain"):
         choose_filter("kalman-consensus-2009", {"gian": 0.1})
-    with pytest.raises(BadInput, match=r"no subclass of volery\.estimators\.distributed\.filtering\.Filter"):
+    with pytest.raises(BadInput, match=r"not a subclass of volery\.estimators\.distributed\.filtering\.Filter"):
         choose_filter("collections:OrderedDict")
     with pytest.raises(BadInput, match="cannot be loaded"):
         choose_filter("no_such_module:Filter")

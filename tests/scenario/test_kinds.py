@@ -35,4 +35,4 @@ def test_what_is_wrong_with_some_is_said_at_its_place(refusal: Refusal) -> None:
     unknown = refusal(replacing=(after, after + ONLY.replace("rate", "raet")))
     assert "agents.only.0.raet: unknown field (did you mean 'rate'?)" in unknown
     kind = refusal(replacing=(after, after + ONLY.replace("beacon", "becon")))
-    assert "agents.only.0.kind: unknown agent kind 'becon'; did you mean 'beacon'?" in kind
+    assert "agents.only.0.kind: unknown agent kind 'becon' (did you mean 'beacon'?)" in kind

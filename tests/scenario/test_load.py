@@ -66,7 +66,7 @@ def test_every_part_is_read(load: Load) -> None:
         ),
         ("{bernoulli: 0.5}", "-0.5", "example.yaml:17:49: faults.1.set.loss: loss probability is -0.5, a probability"),
         ("mean: 2 ms, ", "", "example.yaml:13:21: links.latency.normal.mean: is missing"),
-        ("{line: 3}", "{lime: 3}", "example.yaml:4:18: topology.lime: unknown kind 'lime': did you mean line?"),
+        ("{line: 3}", "{lime: 3}", "example.yaml:4:18: topology.lime: unknown kind 'lime' (did you mean 'line'"),
         ("{line: 3}", "{cells: [[0, 0], [0, 0]]}", "example.yaml:4:19: topology.cells: cell [0, 0] is taken"),
         ("{line: 3}", "{cells: [[0, 0], [5, 0]]}", "topology.cells: the topology is not connected"),
         ("{line: 3}", "line", "example.yaml:4:11: topology: should be a mapping of fields, not 'line'"),
@@ -115,7 +115,7 @@ def test_every_part_is_read(load: Load) -> None:
         (
             "faults:",
             "world: {kind: plain}\nfaults:",
-            "example.yaml:15:15: world.kind: 'plain' is not known: did you mean",
+            "example.yaml:15:15: world.kind: 'plain' is not known (did you mean 'plane'?)",
         ),
         (
             "",

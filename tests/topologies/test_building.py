@@ -62,10 +62,10 @@ def test_file(tmp_path: Path) -> None:
     ("spec", "message"),
     [
         ({}, "topology: no kind: write one of line"),
-        ({"hexagon": 4}, "unknown kind 'hexagon': did you mean hexagonal?"),
-        ({"zzz": 4}, "unknown kind 'zzz': it is one of line"),
+        ({"hexagon": 4}, r"unknown kind 'hexagon' \(did you mean 'hexagonal'"),
+        ({"zzz": 4}, r"unknown kind 'zzz' \(known: cells, "),
         ({"line": 3, "ring": 4}, "line and ring each name a kind"),
-        ({"ring": 6, "spacings": 1}, "topology.ring: unknown parameter 'spacings': did you mean spacing?"),
+        ({"ring": 6, "spacings": 1}, r"topology.ring: unknown parameter 'spacings' \(did you mean 'spacing'"),
         ({"ring": {"count": 6}, "spacing": 1}, "spacing beside ring: move it into the mapping"),
         ({"geometric": {"count": 5}}, "topology.geometric: radius missing: it needs count, radius"),
         ({"small-world": {}}, "count and neighbours and rewiring missing"),

@@ -102,7 +102,7 @@ def test_agents_that_move_are_linked_where_they_are_near() -> None:
         ({"schedule": [{"from": 0, "ring": 4}, {"from": "0 s", "line": 4}]}, r"schedule.1.from: begins must ascend"),
         ({"schedule": [{"from": 0, "ring": 4}, {"from": "1 s", "line": 5}]}, r"schedule.0: agents 5 of other epochs"),
         ({"schedule": [{"from": 0, "ring": 2}]}, r"topology.schedule.0.ring: count is 2"),
-        ({"schedule": [{"from": 0, "rnig": 4}]}, r"topology.schedule.0: unknown kind 'rnig': did you mean ring"),
+        ({"schedule": [{"from": 0, "rnig": 4}]}, r"topology.schedule.0: unknown kind 'rnig' \(did you mean 'ring'"),
         ({"schedule": [{"from": 0, "schedule": []}]}, r"topology.schedule.0: schedule is a graph that changes"),
         ({"schedule": [{"from": 0, "edges": ["12"]}]}, r"topology.schedule.0.edges: '12' is not an edge"),
         ({"schedule": [{"from": 0, "edges": "1-2"}]}, r"topology.schedule.0.edges: '1-2' is not a list"),

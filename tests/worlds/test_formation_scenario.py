@@ -146,7 +146,7 @@ def test_undisturbed_takes_away_all_that_is_random() -> None:
     [
         ({"start": {"triangle": "0.9 m", "ring": "1 m"}}, "world.start: triangle and ring"),
         ({"start": {"line": "30 cm"}}, "world: vehicles 1 and 2 begin 0.3 m apart"),
-        ({"startt": 1}, "world: 'startt' is not known: did you mean start?"),
+        ({"startt": 1}, "world: 'startt' is not known (did you mean 'start'"),
         ({"altitude": "1"}, "world.altitude: '1' is not a quantity"),
         ({"facing": "sideways"}, "world.facing: 'sideways' is not known"),
         ({"facing": {1: 9}}, "world.facing: '9' is not known"),

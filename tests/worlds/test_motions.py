@@ -142,7 +142,7 @@ WAY = {"area": [10, 10], "speed": "1 m/s", "count": 2}
     [
         ({}, "world: nobody moves: write one of random-waypoint, paths, circle"),
         ({"circle": {}, "paths": {}}, "world: paths and circle: write one of"),
-        ({"random_waypoint": WAY}, "'random_waypoint' is not known: did you mean random-waypoint"),
+        ({"random_waypoint": WAY}, r"'random_waypoint' is not known \(did you mean 'random-waypoint'"),
         ({"random-waypoint": 3}, "world.random-waypoint: 3 must be a mapping"),
         ({"random-waypoint": WAY | {"count": 0}}, "world.random-waypoint.count: 0 is not a whole number"),
         ({"random-waypoint": {"area": [1, 1], "speed": "1 m/s"}}, "count is missing: the topology does not say"),

@@ -162,8 +162,8 @@ def test_a_scenario_says_who_carries_what() -> None:
     [
         ({"sensors": {}}, "world: sensors: write at least one agent"),
         ({"sensors": {"imu": []}}, "world: no sensor: give at least one agent one of gyroscope, acc"),
-        ({"sensors": {"imu": ["gyroscpe"]}}, "did you mean gyroscope?"),
-        ({"sensors": {"iMu": "flow"}}, "did you mean imu?"),
+        ({"sensors": {"imu": ["gyroscpe"]}}, "did you mean 'gyroscope'"),
+        ({"sensors": {"iMu": "flow"}}, "did you mean 'imu'"),
         ({"sensors": {"imu": "flow", "eye": "flow"}}, "sensor flow is there 2 times"),
         ({"sensors": {"imu": 3}}, "world: sensors.imu: 3 must be a list"),
         ({"rate": "0 Hz"}, "rate of gyroscope is 0 Hz, it must be above 0"),
@@ -184,7 +184,7 @@ def test_a_scenario_says_who_carries_what() -> None:
         ({"altitude": "0 m"}, "altitude goes down to 0 m"),
         ({"altitude": {"ramp": {"from": "1 m", "to": "2 m", "at": "1 s", "over": 0}}}, "must last for some time"),
         ({"altitude": {"ramp": {"from": "1 m", "to": "2 m", "at": "1 s"}}}, "world.altitude.ramp: over is missing"),
-        ({"as_printed": ["rnge"]}, "did you mean range?"),
+        ({"as_printed": ["rnge"]}, "did you mean 'range'"),
     ],
 )
 def test_what_cannot_be_flown_is_refused(changes: dict[str, Any], said: str) -> None:

@@ -165,13 +165,13 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"unit": {}}, r"world: 'unit' is not known: did you mean units\?"),
+        ({"unit": {}}, r"world: 'unit' is not known \(did you mean 'units'"),
         ({"units": {}}, "world: no unit has a sensor"),
         ({"units": {"1": {"sensors": []}}}, "world: no unit has a sensor, so nothing tells the attitude"),
         ({"units": [1]}, "world.units: .1. must be a mapping"),
         ({"units": {"1": "noisy"}}, "world.units.1: 'noisy' must be a mapping"),
         ({"units": {"9": {}}}, "world.units: there is no agent '9': the topology has 1, 2"),
-        ({"units": {"1": {"noize": 0}}}, r"world.units.1: 'noize' is not known: did you mean noise\?"),
+        ({"units": {"1": {"noize": 0}}}, r"world.units.1: 'noize' is not known \(did you mean 'noise'"),
         ({"units": {"1": {"noise": "-1 deg"}}}, "world.units.1: noise is -0.0174533 rad, it must be at least 0"),
         ({"units": {"1": {"sensors": ["gyro"]}}}, "world.units.1: sensor 'gyro' is not known: a unit has accel"),
         ({"units": {"1": {"sensors": "magnetometer"}}}, "world.units.1.sensors: 'magnetometer' must be a list"),

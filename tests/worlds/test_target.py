@@ -80,7 +80,7 @@ def test_between_samples_the_target_keeps_its_velocity() -> None:
         ({"sees": ["x", "z"]}, r"world\.sees: 'z' is not known"),
         ({"sees": {"7": "x"}}, "there is no agent '7'"),
         ({"sees": "x"}, "neither a list"),
-        ({"nose": "1 m"}, "did you mean noise"),
+        ({"nose": "1 m"}, "did you mean 'noise'"),
     ],
 )
 def test_bad_input_is_refused(changes: dict[str, Any], message: str) -> None:

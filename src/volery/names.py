@@ -1,0 +1,45 @@
+"""Names that users write: which one was probably meant, and classes by `package.module:Class`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from importlib import import_module
+from typing import TypeVar
+
+from .errors import BadInput
+
+Base = TypeVar("Base")
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that was probably meant, if there is one."""
+    return next(iter(difflib.get_close_matches(name, sorted(known), 1)), None)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint in parentheses: the nearest known name, else all of them; empty where none is known."""
+    names = sorted(known)
+    if near := nearest(name, names):
+        return f" (did you mean {near!r}?)"
+    return f" (known: {', '.join(names)})" if names else ""
+
+
+def imported_class(target: str, base: type[Base], what: str) -> type[Base]:
+    """The class that an import string names.
+
+    Args:
+        target: `package.module:Class`.
+        base: what it must be a subclass of.
+        what: how an error begins, such as "filter 'mine:Best'".
+    Raises:
+        BadInput: no such module or class, or not a subclass.
+    """
+    module, _, attribute = target.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise BadInput(f"{what} cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise BadInput(f"{what} is {found!r}, not a subclass of {base.__module__}.{base.__qualname__}")
+    return found
