@@ -6,7 +6,7 @@ Usage: python docs/averages.py contraction|one-way|all [--out docs/images]
 # ruff: noqa: TID251 - it is a user of the package
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import islice
 
 import networkx as nx
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from page_figures import draw_asked
 
 from volery import topologies
-from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus
+from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus, predicted_contraction
 from volery.estimators.averages.synchronous import Lost, nothing_lost, synchronous_rounds
 from volery.estimators.metrics import contraction
 from volery.experiments.figures.of_runs import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION
@@ -70,15 +70,6 @@ def rounds_until(course: list[float], small: float) -> int:
     return 1 if len(above) == 0 else int(above[-1]) + 2
 
 
-def predicted_contraction(name: str, graph: nx.Graph) -> float:
-    """The essential spectral radius of the weights."""
-    weights: Mapping[str, Mapping[str, float]] = {
-        who: dict(part.weights) for who, part in average_consensus(name, graph).items()
-    }
-    matrix = topologies.weight_matrix(graph, weights)
-    return topologies.contraction(matrix + np.diag(1.0 - matrix.sum(axis=1)))
-
-
 def contractions() -> Iterator[str]:
     """Of plain weights, against what their spectrum predicts; of the other ways how many rounds they take."""
     for where, graph in GRAPHS.items():
@@ -86,7 +77,7 @@ def contractions() -> Iterator[str]:
             course = left(name, graph)
             took = rounds_until(course, SMALL)
             if name in WEIGHTED:
-                rho = predicted_contraction(name, graph)
+                rho = predicted_contraction(average_consensus(name, graph), graph)
                 found = contraction(course[took // 2 : took])
                 yield (
                     f"{where}, {name}: {found:.3f} a round, predicted {rho:.3f}; to a millionth in {took} rounds, "

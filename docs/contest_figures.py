@@ -188,9 +188,8 @@ def ranks(figure: Figure, results: Results) -> None:
     for axes, condition in zip(panels, CONDITIONS, strict=True):
         first, second = (results.ranks(condition, seeds) for seeds in results.halves())
         axes.plot([0.5, 12.5], [0.5, 12.5], color=GREY, linewidth=0.6)
-        for who in first:
-            off = abs(first[who] - second[who]) > 1
-            axes.plot(first[who], second[who], "o", color=VERMILION if off else BLUE, markersize=3)
+        for who, moved in results.moves(condition).items():
+            axes.plot(first[who], second[who], "o", color=VERMILION if moved > 1 else BLUE, markersize=3)
         axes.set(title=condition, aspect="equal", xticks=[1, 6, 12], yticks=[1, 6, 12])
     panels[0].set_ylabel("rank, even seeds")
     panels[len(panels) // 2].set_xlabel("rank, odd seeds")

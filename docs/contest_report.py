@@ -63,6 +63,11 @@ class Results:
         order = sorted(everybody, key=lambda who: self.ratio(who, condition, None, seeds))
         return {who: place for place, who in enumerate(order, start=1)}
 
+    def moves(self, condition: str) -> dict[str, int]:
+        """Contender → how many places apart its ranks in the two halves of the seeds are."""
+        first, second = (self.ranks(condition, seeds) for seeds in self.halves())
+        return {who: abs(rank - second[who]) for who, rank in first.items()}
+
 
 def mean_ratio(found: Sequence[Result]) -> float:
     """Geometric mean of error over centralised error; infinite where one diverged."""
@@ -96,16 +101,12 @@ def show(found: Iterable[Result], out: Path) -> Iterator[str]:
 
 def table(results: Results) -> Iterator[str]:
     """Payload of each filter, and for each condition its error over the centralised one, and its ANEES; † unstable."""
-    unstable = {
-        condition: {who for who, rank in first.items() if abs(rank - second[who]) > 1}
-        for condition in CONDITIONS
-        for first, second in [tuple(results.ranks(condition, seeds) for seeds in results.halves())]
-    }
+    moves = {condition: results.moves(condition) for condition in CONDITIONS}
     yield "| filter | B/s | " + " | ".join(CONDITIONS) + " |"
     yield "| --- " * (len(CONDITIONS) + 2) + "|"
     for who in FILTERS:
         bytes_per_s = np.mean([one.bytes_per_s for one in results.of(who, "no loss")])
-        cells = [cell(results, who, condition) + "†" * (who in unstable[condition]) for condition in CONDITIONS]
+        cells = [cell(results, who, condition) + "†" * (moves[condition].get(who, 0) > 1) for condition in CONDITIONS]
         yield f"| {who} | {bytes_per_s:.0f} | " + " | ".join(cells) + " |"
 
 
@@ -196,5 +197,5 @@ def stability(results: Results) -> Iterator[str]:
         first, second = (results.ranks(condition, seeds) for seeds in results.halves())
         pairs = list(combinations(CONTENDERS, 2))
         same = sum((first[a] < first[b]) == (second[a] < second[b]) for a, b in pairs)
-        most = max(abs(first[who] - second[who]) for who in CONTENDERS)
+        most = max(results.moves(condition).values())
         yield f"ranks: {condition}: {same} of {len(pairs)} pairs in one order in both halves, {most} places apart"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import networkx as nx
+import numpy as np
 
 from ... import topologies
 from ...errors import BadInput
@@ -75,6 +76,12 @@ def average_consensus(name: str, graph: nx.Graph, seed: int = 0) -> dict[str, Av
         agent: AverageConsensus({other: w for other, w in counted.items() if other != agent}, law_of(agent))
         for agent, counted in weights.items()
     }
+
+
+def predicted_contraction(parts: Mapping[str, AverageConsensus], graph: nx.Graph) -> float:
+    """Factor by which a round of plain weights shrinks the disagreement in the end; see `topologies.contraction`."""
+    matrix = topologies.weight_matrix(graph, {who: dict(part.weights) for who, part in parts.items()})
+    return topologies.contraction(matrix + np.diag(1.0 - matrix.sum(axis=1)))
 
 
 def _chebyshev(graph: nx.Graph, weights: Weights) -> ConsensusLaw[Any]:

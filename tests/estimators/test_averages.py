@@ -11,7 +11,7 @@ import pytest
 
 from volery import topologies
 from volery.errors import BadInput
-from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus
+from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus, predicted_contraction
 from volery.estimators.averages.chebyshev import chebyshev_bound, chebyshev_law
 from volery.estimators.averages.gossip import gossip_law
 from volery.estimators.averages.laws import ConsensusLaw
@@ -42,9 +42,7 @@ GRAPHS = {"ring": ring(8), "star": star(8), "geometric": geometric(8, 0.5, 4)}
 def test_averaging_contracts_as_the_spectrum_predicts(name: str, graph: nx.Graph) -> None:
     """Rounds 40 to 60, where the slowest mode is what is left: within 1 % of the essential spectral radius."""
     rule = getattr(topologies, name.replace("-", "_"))
-    parts = average_consensus(name, graph)
-    matrix = weight_matrix(graph, {who: dict(part.weights) for who, part in parts.items()})
-    predicted = topologies.contraction(matrix + np.diag(1.0 - matrix.sum(axis=1)))
+    predicted = predicted_contraction(average_consensus(name, graph), graph)
     assert contraction(disagreements(name, graph, 60)[40:]) == pytest.approx(predicted, rel=0.01)
     if name != "constant-edge":
         assert predicted == pytest.approx(topologies.contraction(weight_matrix(graph, rule(graph))), abs=1e-6)
