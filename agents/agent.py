@@ -132,7 +132,7 @@ class Context(Protocol):
         """The agent's own random stream for a purpose."""
 
 
-class Onlooker(Protocol):
+class CentralEstimator(Protocol):
     """What sees every sample and every command of a closed loop: the centralised estimator on the same data."""
 
     def sampled(self, agent: str, sample: Sample) -> None:
@@ -174,11 +174,11 @@ class RunData(Protocol):
         """When it ended."""
 
     @property
-    def faults_that_held(self) -> Sequence[Fault]:
+    def faults_in_effect(self) -> Sequence[Fault]:
         """The faults that came about, in the order of their starts."""
 
     @property
-    def beside(self) -> Mapping[str, SeriesData]:
+    def world_reports(self) -> Mapping[str, SeriesData]:
         """What a coupled world wrote down: true quantities, and `oracle QUANTITY`."""
 
     @property
@@ -220,13 +220,13 @@ class Agent:
 
     `Parameters` is a frozen dataclass: its fields are what a scenario may write under `agents:`.
     `timers_only` says that this agent sends and sets timers from samples and timers only, never from a frame; its
-    promises in lockstep pace then reach further. `aside` names quantities that are reported for findings and exports:
+    promises in lockstep pace then reach further. `diagnostics` names quantities reported for findings and exports only:
     they are no estimates of one thing by all, so there are no errors of them.
     """
 
     Parameters: ClassVar[type] = NoParameters
     timers_only: ClassVar[bool] = False
-    aside: ClassVar[frozenset[str]] = frozenset()
+    diagnostics: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, context: Context, parameters: Any) -> None:
         self.context = context
@@ -304,7 +304,7 @@ class Agent:
         return None
 
     @classmethod
-    def onlooker(cls, plan: Plan) -> Onlooker | None:
+    def central_estimator(cls, plan: Plan) -> CentralEstimator | None:
         """The centralised estimator that runs beside a coupled world: the oracle of a closed loop."""
         return None
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import BadInput
 from ..randomness import Stream, stream
 from ..transport.faults import Fault
-from .agent import Onlooker, Timer
+from .agent import CentralEstimator, Timer
 from .journal import NOTED, Estimate
 from .plan import WORLD, AgentPlan, Plan
 from .registry import find
@@ -79,12 +79,12 @@ class NodeContext:
             known = ", ".join(self.neighbours)
             raise NotANeighbour(f"agent {self.name} has no link to {target!r}; its neighbours are {known}")
         self._check_promise()
-        self._node.sending.send((target,), payload, stream)
+        self._node.sender.send((target,), payload, stream)
 
     def broadcast(self, payload: bytes, stream: str = "") -> None:
         """Hand a payload to the links to all neighbours: one transmission over a shared radio, else one on each."""
         self._check_promise()
-        self._node.sending.broadcast(self.neighbours, payload, stream)
+        self._node.sender.broadcast(self.neighbours, payload, stream)
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
         """Ask for `on_timer` at an instant that is not before that of the event in hand, unless its own clock jumps."""
@@ -122,14 +122,14 @@ class NodeContext:
         """The faults that touch this agent, live ones included."""
         return self._node.faults.values()
 
-    def onlooker(self) -> Onlooker | None:
+    def central_estimator(self) -> CentralEstimator | None:
         """The centralised estimator that the agents' class has for this plan."""
-        return find(self.plan.agents[0].kind).onlooker(self.plan)
+        return find(self.plan.agents[0].kind).central_estimator(self.plan)
 
     def wire(self, target: str, payload: bytes) -> None:
         """Hand a payload to the wire to a coupled world, or from it."""
         self._check_promise()
-        self._node.sending.send((target,), payload, "")
+        self._node.sender.send((target,), payload, "")
 
     # -- chance ---------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from ..units import period_ns
 from .agent import Agent, Received, Sample, Timer
 from .context import NodeContext
 from .plan import WORLD, AgentPlan, Plan, Running
-from .sensing import Disturbances
+from .sensor_samples import Disturbances
 from .wires import pack_samples, unpack_commands
 
 KIND = "coupled-world"
@@ -43,9 +43,9 @@ def couple(plan: Plan) -> Plan:
         raise BadInput(f"an agent is called {WORLD}, as what the agents act upon is: call it something else")
     sense, act = _wire(world.sense_delay_ns), _wire(world.act_delay_ns)
     wires = {(WORLD, name): sense for name in names} | {(name, WORLD): act for name in names}
-    beside = AgentPlan(WORLD, KIND, None, (), {WORLD: 0}, compute_ns=0, wired=names)
+    world_agent = AgentPlan(WORLD, KIND, None, (), {WORLD: 0}, compute_ns=0, wired=names)
     agents = tuple(replace(agent, wired=(WORLD,)) for agent in plan.agents)
-    return replace(plan, agents=agents, beside=(beside,), wires=wires)
+    return replace(plan, agents=agents, world_agents=(world_agent,), wires=wires)
 
 
 def _wire(delay_ns: int) -> LinkSettings:
@@ -55,8 +55,8 @@ def _wire(delay_ns: int) -> LinkSettings:
 class CoupledWorld(Agent):
     """Advances the world of its plan from instant to instant at which somebody senses, acts, or the truth is due.
 
-    It reports every true quantity under its own name at the world's `truth_rate`, and what the agents' onlooker
-    estimates under `oracle QUANTITY`.
+    It reports every true quantity under its own name at the world's `truth_rate`, and what the agents' central
+    estimator estimates under `oracle QUANTITY`.
     """
 
     timers_only = True
@@ -74,7 +74,7 @@ class CoupledWorld(Agent):
             {rate for mine in self._sensors.values() for rate in mine.values()}, 0
         )
         self._next_truth = 0
-        self._onlooker = context.onlooker()
+        self._central_estimator = context.central_estimator()
 
     def start(self) -> None:
         """Take the first samples at once."""
@@ -107,9 +107,9 @@ class CoupledWorld(Agent):
                 for sensor, rate in sensors.items()
                 if rate in due
             ]
-            if self._onlooker is not None:
+            if self._central_estimator is not None:
                 for sample in samples:
-                    self._onlooker.sampled(agent, sample)
+                    self._central_estimator.sampled(agent, sample)
             if samples:
                 self._wires.wire(agent, pack_samples(samples))
 
@@ -120,8 +120,8 @@ class CoupledWorld(Agent):
     def _write_down(self, now_ns: int) -> None:
         for quantity, value in self._running.truth().items():
             self.context.report(quantity, value, self._next_truth)
-        if self._onlooker is not None:
-            for quantity, value in self._onlooker.estimates(now_ns).items():
+        if self._central_estimator is not None:
+            for quantity, value in self._central_estimator.estimates(now_ns).items():
                 self.context.report(f"{ORACLE}{quantity}", value, self._next_truth)
         self._note_events()
 
@@ -135,5 +135,5 @@ class CoupledWorld(Agent):
         self._running.advance(self.context.now_ns)
         for command, value in unpack_commands(frame.payload).items():
             self._running.act(frame.source, command, value)
-            if self._onlooker is not None:
-                self._onlooker.commanded(frame.source, command, value, self.context.now_ns)
+            if self._central_estimator is not None:
+                self._central_estimator.commanded(frame.source, command, value, self.context.now_ns)

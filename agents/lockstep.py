@@ -11,9 +11,9 @@ from ..transport.faults import Fault, Kill, LinkFault, kills_of
 from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
 from ..transport.media import AIR
 from ..transport.promises import Horizon, lookahead_segments
-from .beginning import Beginning, Guard, Write
 from .mailbox import Mailbox
 from .node import Node
+from .run_start import Guard, RunStart, Write
 
 if TYPE_CHECKING:
     import asyncio
@@ -36,21 +36,21 @@ class Lockstep:
         self._blocking = [{_NOBODY}]
         self._wake = guard(self.advance)
 
-    def begin(self, node: Node, beginning: Beginning) -> None:
+    def begin(self, node: Node, run_start: RunStart) -> None:
         """Make the first promises; the node knows the live faults so far."""
         self._node = node
-        self._end_ns = beginning.end_ns
-        self._told = dict.fromkeys(node.sending.outlets, 0)
-        self._on_air = [source for source in node.neighbours if node.sending.outlet_of[source] == AIR]
+        self._end_ns = run_start.end_ns
+        self._told = dict.fromkeys(node.sender.outlets, 0)
+        self._on_air = [source for source in node.neighbours if node.sender.outlet_of[source] == AIR]
         segments = {source: self._segments(source) for source in node.neighbours}
         lives = {source: self._first_life(source) for source in node.neighbours} if node.incarnation else None
-        self._horizon = Horizon(node.name, segments, beginning.interventions, lives=lives)
-        node.hearing.unheard_ns = self._horizon.unstarted_ns
+        self._horizon = Horizon(node.name, segments, run_start.interventions, lives=lives)
+        node.receiver.unheard_ns = self._horizon.unstarted_ns
         for source in node.neighbours:
             self._expect(source)
             if self._is_down(source):
                 self._horizon.down(source)
-        for source, incarnation in beginning.gone:
+        for source, incarnation in run_start.gone:
             self._gone(source, incarnation)
         self.advance()
 
@@ -152,12 +152,12 @@ class Lockstep:
         if frame.sequence != PROMISE_ONLY:
             self._node.receive(source, frame)
         if back:
-            self._say(self._node.sending.outlet_of[source])
+            self._say(self._node.sender.outlet_of[source])
 
     def _say(self, outlet: str) -> None:
         self.promises += 1
         say = air_promise if outlet == AIR else promise
-        self._write(outlet, say(self._node.incarnation, self._told[outlet], self._node.sending.sent[outlet]))
+        self._write(outlet, say(self._node.incarnation, self._told[outlet], self._node.sender.sent[outlet]))
 
     def _handle_safe(self) -> None:
         node, heap = self._node, self._node.heap
@@ -175,7 +175,7 @@ class Lockstep:
         event = self._node.heap[0] if self._on_air and self._node.heap else None
         if event is None:
             return set()
-        if self._node.sending.senses(event):
+        if self._node.sender.senses(event):
             return self._horizon.silent_before(event[TIME], self._on_air)
         if not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
             return set()

@@ -1,8 +1,8 @@
 """A node carries one agent: its events, its links to the neighbours and the faults that touch them.
 
 A node is pure: it is told what arrives and which events are due, and says what it puts on the wire. The twin runs all
-nodes on one heap; a process runs one node on a heap of its own. Both run this same code. `sending` has its
-transmitters, `hearing` what comes in.
+nodes on one heap; a process runs one node on a heap of its own. Both run this same code. `sender` has its
+transmitters, `receiver` what comes in.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from ..transport.links import LinkSettings
 from ..units import first_period, period_ns
 from .agent import Agent, Received, Sample, Timer
 from .context import NodeContext
-from .hearing import Hearing
 from .journal import Batch
 from .plan import WORLD, Plan
+from .receiver import Receiver
 from .registry import find
-from .sending import Put, Sending
-from .sensing import measured
+from .sender import Put, Sender
+from .sensor_samples import measured
 from .wires import unpack_samples
 
 _ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "bucket"}
@@ -101,8 +101,8 @@ class Node:
         self._timers: dict[int, tuple[int, Timer]] = {}
         self._count = 0
         self._changes_ns: set[int] = set()
-        self.sending = Sending(self, put)
-        self.hearing = Hearing(self)
+        self.sender = Sender(self, put)
+        self.receiver = Receiver(self)
         kind = find(me.kind)
         self.timers_only = kind.timers_only
         self.agent: Agent = kind(NodeContext(self, me), me.parameters)
@@ -203,7 +203,7 @@ class Node:
 
     def receive(self, source: str, message: Message) -> None:
         """Take in a message as soon as the network has it."""
-        self.hearing.receive(source, message)
+        self.receiver.receive(source, message)
 
     def deliver(self, event: Event) -> None:
         """Hand a frame to the agent; its stamp is that of the agent's own clock."""
@@ -220,7 +220,7 @@ class Node:
         """Put frames on the wire whose start lies before an instant, as far as nothing changes until then."""
         if not self.dead:
             changes = (instant for instant in self._changes_ns if instant >= self.now_ns)
-            self.sending.transmit_ahead(min([before_ns, *changes]))
+            self.sender.transmit_ahead(min([before_ns, *changes]))
 
     # -- faults and the graph -----------------------------------------------------------------------------------
 
@@ -239,7 +239,7 @@ class Node:
 
     def _touches(self, fault: Fault) -> bool:
         """A link's settings are its source's business, and frames are held back at its target."""
-        if isinstance(fault, SensorFault) and self.plan.beside:
+        if isinstance(fault, SensorFault) and self.plan.world_agents:
             return self.name == WORLD
         if not isinstance(fault, LinkFault):
             return fault.agent == self.name
@@ -281,7 +281,7 @@ class Node:
     def _change_links(self, fault: LinkFault) -> None:
         for source, target in fault.links:
             if source == self.name:
-                self.sending.change(target, self.settings(target))
+                self.sender.change(target, self.settings(target))
             elif target == self.name and "hold" in fault.changes:
                 self._hold_or_release(source)
 
@@ -291,9 +291,9 @@ class Node:
 
     def _hold_or_release(self, source: str) -> None:
         if self.holds(source):
-            self.hearing.hold(source)
+            self.receiver.hold(source)
         else:
-            self.hearing.release(source)
+            self.receiver.release(source)
 
     def _on_graph(self, event: Event) -> None:
         """Neighbours come and go."""
@@ -303,13 +303,13 @@ class Node:
         self.present = self.plan.present(self.name, event[TIME])
         self.degrees = self.plan.degrees(self.name, event[TIME])
         for target in self.neighbours:
-            self.sending.change(target, self.settings(target))
+            self.sender.change(target, self.settings(target))
         self.admit(event, lambda _event: self.agent.on_neighbours())
 
     def _set_clock(self) -> None:
         """Another reading from now on: pending timers are armed anew."""
         self._read_clock()
-        self.sending.set_clock(self.clock)
+        self.sender.set_clock(self.clock)
         for count, (_, timer) in list(self._timers.items()):
             self._arm_timer(count, timer)
 
@@ -339,14 +339,14 @@ class Node:
     def gone(self, agent: str, incarnation: int) -> None:
         """The life of an agent ended from outside."""
         if agent in self.neighbours:
-            self.hearing.gone(agent, incarnation)
+            self.receiver.gone(agent, incarnation)
 
     # -- the end, and what can be promised ----------------------------------------------------------------------
 
     def finish(self) -> None:
         """Write down which frames still wait for their transmitter, and which are held back."""
-        self.sending.finish()
-        self.hearing.finish()
+        self.sender.finish()
+        self.receiver.finish()
 
     def take_journal(self) -> Batch:
         """The entries since the last call."""
@@ -368,13 +368,13 @@ class Node:
             arrivals_ns: no frame of those who are heeded that is yet unheard is due before this.
         """
         if self.dead:
-            return dict.fromkeys(self.sending.outlets, OVER_NS)
+            return dict.fromkeys(self.sender.outlets, OVER_NS)
         heeded = self.heeded()
         acts = arrivals_ns
-        starts, changes = (dict.fromkeys(self.sending.outlets, FOREVER_NS) for _ in range(2))
+        starts, changes = (dict.fromkeys(self.sender.outlets, FOREVER_NS) for _ in range(2))
         for event in self.heap:
             time_ns, rank = event[TIME], event[RANK]
-            if rank >= OFFER and not (rank == TRANSMIT and self.sending.contends(event[SOURCE])):
+            if rank >= OFFER and not (rank == TRANSMIT and self.sender.contends(event[SOURCE])):
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
             elif rank < OFFER and time_ns < acts and (event[SOURCE] in heeded or not isinstance(event[DATA], Frame)):
                 acts = time_ns
@@ -382,13 +382,13 @@ class Node:
                 for name in self._accesses_changed(event):
                     changes[name] = min(time_ns, changes[name])
         ready = {name: min(acts + self.compute_ns, start) for name, start in starts.items()}
-        return {name: min(start, changes[name]) for name, start in self.sending.earliest_starts(ready).items()}
+        return {name: min(start, changes[name]) for name, start in self.sender.earliest_starts(ready).items()}
 
     def _accesses_changed(self, event: Event) -> Iterable[str]:
         """The outlets whose frames may start at other instants once a fault begins or ends."""
         fault = self.faults.get(event[DATA]) if event[HANDLER] == self._on_fault else None
         if isinstance(fault, ClockFault):
-            return self.sending.outlets
+            return self.sender.outlets
         if not isinstance(fault, LinkFault) or not _ACCESS_FIELDS & fault.changes.keys():
             return ()
-        return {self.sending.outlet_of[target] for source, target in fault.links if source == self.name}
+        return {self.sender.outlet_of[target] for source, target in fault.links if source == self.name}

@@ -11,10 +11,10 @@ from ..transport.events import FOREVER_NS, HANDLER, OFFER, RANK, TIME, TRANSMIT,
 from ..transport.faults import Fault
 from ..transport.frames import PROMISE_ONLY, Message
 from ..transport.timerfd import TimerFd
-from .beginning import Beginning, Guard, Write
-from .burning import Burner
+from .cpu_hog import Burner
 from .mailbox import Mailbox
 from .node import Node
+from .run_start import Guard, RunStart, Write
 
 _GRACE_S = 0.1
 _DRAIN_S = 0.05
@@ -52,14 +52,14 @@ class Realtime:
         self._burner = Burner()
         self._burning = 0.0
 
-    def begin(self, node: Node, beginning: Beginning) -> None:
+    def begin(self, node: Node, run_start: RunStart) -> None:
         """Start the clock."""
         self._node = node
-        self._epoch_ns = beginning.epoch_ns
-        self._end_ns = beginning.end_ns
+        self._epoch_ns = run_start.epoch_ns
+        self._end_ns = run_start.end_ns
         self._ahead_ns = int(_AHEAD_NS * self._speed)
         self._early_ns = min(node.compute_ns, self._ahead_ns)
-        for source, incarnation in beginning.gone:
+        for source, incarnation in run_start.gone:
             self.gone(source, incarnation)
         self.advance()
 
@@ -118,7 +118,7 @@ class Realtime:
             self._burning = node.hogged
             self._burner.burn(self._burning)
         node.transmit_ahead(min(now + self._ahead_ns, self._end_ns))
-        while heap and heap[0][RANK] == TRANSMIT and not node.sending.awaits(heap[0]):
+        while heap and heap[0][RANK] == TRANSMIT and not node.sender.awaits(heap[0]):
             heappop(heap)
         self._send()
         if heap and heap[0][TIME] < self._end_ns and not node.dead:

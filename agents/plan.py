@@ -14,7 +14,7 @@ from ..errors import BadInput
 from ..topologies import Span
 from ..transport.faults import Fault, Kill, LinkName, kills_of
 from ..transport.links import LinkSettings
-from .sensing import measured
+from .sensor_samples import measured
 
 MILLISECOND_NS = 1_000_000
 WORLD = "world"
@@ -124,8 +124,8 @@ class Plan:
     `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
     which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
     how many there are), for radios that take turns. `groups`: name → agents, as live faults may name them.
-    `world` goes its own way, a `coupled` one is acted upon. `beside`: who runs beside the agents and is none of them,
-    which is a coupled world; `wires`: what joins it to them.
+    `world` goes its own way, a `coupled` one is acted upon. `world_agents`: who runs beside the agents: a coupled
+    world; `wires`: what joins it to them.
     """
 
     name: str
@@ -139,13 +139,13 @@ class Plan:
     slots: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     coupled: Coupled | None = None
-    beside: tuple[AgentPlan, ...] = ()
+    world_agents: tuple[AgentPlan, ...] = ()
     wires: Mapping[LinkName, LinkSettings] = field(default_factory=dict)
 
     @property
-    def everybody(self) -> tuple[AgentPlan, ...]:
+    def all_agents(self) -> tuple[AgentPlan, ...]:
         """The agents, and who runs beside them: each has a process of its own."""
-        return self.agents + self.beside
+        return self.agents + self.world_agents
 
     @property
     def is_uniform(self) -> bool:
@@ -155,7 +155,7 @@ class Plan:
 
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name, or who runs beside the agents under it."""
-        return next(agent for agent in self.everybody if agent.name == name)
+        return next(agent for agent in self.all_agents if agent.name == name)
 
     def settings(self, link: LinkName) -> LinkSettings:
         """Of a link or a wire, as the scenario has them."""

@@ -28,12 +28,12 @@ from ..transport.faults import from_plain
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
 from ..transport.media import AIR, on_air
-from .beginning import Beginning
 from .lockstep import Lockstep
 from .node import Node
 from .pacing import Realtime
 from .plan import Plan
-from .sending import Put
+from .run_start import RunStart
+from .sender import Put
 
 FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
@@ -222,15 +222,15 @@ class _Shell:
             nodes[name] = Node(plan, name, heap, carry(name))
         fabric.run(heap, _REHEARSAL_NS)
 
-    def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, beginning: dict[str, Any]) -> bool:
+    def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, run_start: dict[str, Any]) -> bool:
         """Come to life at `start_ns`, with the live faults so far and what the last life has left."""
         it = self._it
         node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
         for fault in faults:
             node.arm(from_plain(fault))
         self._node = node
-        gone = tuple((name, incarnation) for name, incarnation in beginning.pop("gone"))
-        self._pacer.begin(node, Beginning(gone=gone, **beginning))
+        gone = tuple((name, incarnation) for name, incarnation in run_start.pop("gone"))
+        self._pacer.begin(node, RunStart(gone=gone, **run_start))
         return True
 
     def _gone(self, agent: str, incarnation: int) -> bool:

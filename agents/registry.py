@@ -11,7 +11,7 @@ from .agent import Agent
 
 ENTRY_POINTS = "volery.agents"
 _BUILT_IN = {
-    "altitude-ekf": "volery.agents.altitude.ekf:AltitudeEkf",
+    "altitude-ekf": "volery.agents.altitude.altitude_ekf:AltitudeEkf",
     "attitude-unit": "volery.agents.attitude.unit:AttitudeUnit",
     "beacon": "volery.agents.beacon:Beacon",
     "dfa-kalman": "volery.agents.dfa.kalman:DfaKalman",

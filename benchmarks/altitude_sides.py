@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.agents.altitude.network import measured
+from volery.agents.altitude.altitude_network import measured
 from volery.estimators.altitude.components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
 from volery.estimators.altitude.modular_filter import GROUND, GroundJumps, ModularFilter
 from volery.estimators.altitude.replay import Stamped

@@ -32,7 +32,7 @@ class _Talker:
         self.frames = 0
         body = b"x" * PAYLOAD_BYTES
         self.bytes = encode(Frame(0, 1000, 2 * SECOND_NS, 0, 2 * SECOND_NS, "delivered", body, 1001, None))
-        self.hearing = session.declare_subscriber(f"bench/link/*/{name}", self._push)
+        self.receiver = session.declare_subscriber(f"bench/link/*/{name}", self._push)
 
     def _push(self, sample: Any) -> None:
         self.queue.append(sample)

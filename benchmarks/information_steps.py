@@ -12,7 +12,7 @@ from volery.estimators.distributed.filtering import Moment, Place
 from volery.estimators.distributed.filters import choose_filter
 from volery.estimators.distributed.gaussian import Gaussian, Measurement, Step
 from volery.topologies import agents, geometric
-from volery.worlds.target.world import TargetWorld, process_noise, transition
+from volery.worlds.target.target_world import TargetWorld, process_noise, transition
 
 _NODES, _ROUNDS, _PERIOD_S, _NOISE_M, _WANDER = 10, 3, 0.5, 2.0, 0.7
 _WARM_UP = 20

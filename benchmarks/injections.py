@@ -11,10 +11,10 @@ from shapes import quantile, ring
 from swarms import TimedSwarm, pulses
 
 import volery
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
-from volery.experiments.record.stories import stories
-from volery.experiments.swarm.desk import Desk
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.control_server import ControlServer
+from volery.experiments.swarm.live_faults import Injector
 from volery.transport.keys import Keys
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -38,7 +38,7 @@ def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, flo
         running = asyncio.create_task(swarm.run())
         await swarm.ready.wait()
         with tempfile.TemporaryDirectory() as folder:
-            serving = asyncio.create_task(Desk(swarm, injector).serve(Keys(_RUN), Path(folder)))
+            serving = asyncio.create_task(ControlServer(swarm, injector).serve(Keys(_RUN), Path(folder)))
             await asyncio.sleep(_WARM_S)
             called = [await _command(Path(folder), injector) for _ in range(faults)]
             await swarm.stop()
@@ -69,7 +69,7 @@ def _stray(record: Record) -> int:
     def is_cut(start_ns: int) -> bool:
         return any(fault.in_force(start_ns) for fault in record.faults)
 
-    told = (story for of_link in stories(record).values() for story in of_link)
+    told = (story for of_link in frame_fates(record).values() for story in of_link)
     return sum(
         (story.fate == "cut") != is_cut(story.start_ns)
         for story in told

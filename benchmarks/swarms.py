@@ -76,7 +76,7 @@ class TimedSwarm(Swarm):
         now_ns = time.monotonic_ns()
         self.joined_ns = self.joined_ns or now_ns
         if order["do"] == "start":
-            self.begun_ns, self.epoch_ns = now_ns, order["beginning"]["epoch_ns"]
+            self.begun_ns, self.epoch_ns = now_ns, order["run_start"]["epoch_ns"]
         elif order["do"] == "stop":
             self.over_ns = now_ns
         return await super().order(order, *to, **keywords)

@@ -6,8 +6,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from volery.experiments.sweeps.plan import SweepPlan, plan_sweep
 from volery.experiments.sweeps.sweep import SweepOptions, run_sweep
+from volery.experiments.sweeps.sweep_plan import SweepPlan, plan_sweep
 
 LOSSES = "links.loss.bernoulli=0:0.45:0.05"
 ESTIMATORS = "agents.estimator=running-sum,metropolis-least-squares"

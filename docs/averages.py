@@ -17,8 +17,8 @@ from page_figures import draw_asked
 from volery import topologies
 from volery.estimators.averages.average_consensus import AVERAGINGS, average_consensus, predicted_contraction
 from volery.estimators.averages.synchronous import Lost, nothing_lost, synchronous_rounds
-from volery.estimators.metrics import contraction
-from volery.experiments.figures.of_runs import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION
+from volery.estimators.error_measures import contraction
+from volery.experiments.figures.run_figures import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION
 from volery.randomness import stream
 
 GRAPHS = {

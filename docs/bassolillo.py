@@ -17,7 +17,7 @@ from page_figures import draw_asked
 
 from volery.agents.mhe.estimator import DISTURBANCE, Mhe
 from volery.estimators.horizon.quadrotor_model import RANGES, QuadrotorModel
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded

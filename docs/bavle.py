@@ -17,20 +17,20 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.agents.altitude.network import measured
-from volery.agents.altitude.parameters import AltitudeEkfParameters
+from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
+from volery.agents.altitude.altitude_network import measured
 from volery.agents.plan import Plan
 from volery.estimators.altitude.components import Ground
 from volery.estimators.altitude.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
 from volery.estimators.altitude.replay import Stamped
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.fault_labels import fault_label
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
 from volery.units import period_ns
-from volery.worlds.altitude.world import AltitudeWorld
+from volery.worlds.altitude.altitude_world import AltitudeWorld
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

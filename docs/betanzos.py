@@ -22,8 +22,8 @@ from volery import topologies
 from volery.agents.plan import Plan
 from volery.estimators.attitude.directions import learned_quaternion, observation_matrix
 from volery.estimators.attitude.dynamic_consensus import collective_matrices, largest_step
-from volery.estimators.metrics import attitude_difference
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from volery.estimators.error_measures import attitude_difference
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import Samples, samples
 from volery.experiments.scenario.fault_labels import fault_label

@@ -21,7 +21,7 @@ from typing import Any
 import volery
 from volery import topologies
 from volery.errors import BadInput
-from volery.experiments.sweeps.results import Sweep
+from volery.experiments.sweeps.sweep_results import Sweep
 
 HERE = Path(__file__).parent
 TABLE = HERE / "contest.csv"

@@ -12,7 +12,7 @@ from contest import CONDITIONS, FILTERS, GRAPHS
 from matplotlib.colors import LogNorm, TwoSlopeNorm
 from matplotlib.figure import Figure
 
-from volery.experiments.figures.of_runs import (
+from volery.experiments.figures.run_figures import (
     BLACK,
     BLUE,
     DARK_GREY,

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, COLUMN_IN, GREEN, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, COLUMN_IN, GREEN, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded

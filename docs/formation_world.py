@@ -19,13 +19,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PAGE_IN, SKY, STYLE, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, SKY, STYLE, VERMILION
 from volery.rotations import rotate
 from volery.topologies import formation
 from volery.units import period_ns
-from volery.worlds.formation.running import RunningFormation
+from volery.worlds.formation.formation_flight import RunningFormation
+from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.vehicles import Vehicle
-from volery.worlds.formation.world import FormationWorld
 from volery.worlds.scenario import build
 
 if TYPE_CHECKING:

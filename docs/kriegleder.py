@@ -21,7 +21,7 @@ from page_figures import draw_asked
 
 from volery.agents.plan import Plan
 from volery.estimators.flying_array.least_squares import covariance, noncollinear
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.fault_labels import fault_label
@@ -29,8 +29,8 @@ from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
-from volery.worlds.plane.sensors import Infrared, curves
-from volery.worlds.plane.world import PlaneWorld
+from volery.worlds.plane.distance_sensors import Infrared, curves
+from volery.worlds.plane.plane_world import PlaneWorld
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

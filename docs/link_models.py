@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, settings_of, simulate, space_time
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, SKY, VERMILION
 from volery.transport.latencies import Latency
 from volery.transport.losses import Loss
 from volery.transport.stages import Surroundings

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from page_figures import Draw, draw_asked
 from space_time import MS, WIDTH_IN, counts, frames, legend, planned, settings_of, simulate, space_time
 
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 
 # -- airtime and queue --------------------------------------------------------------------------------------------
 

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from page_figures import draw_asked
 
 from volery.agents.mav.findings import estimate_spread, mean_nees, shape_errors
-from volery.agents.mav.parameters import MavParameters
+from volery.agents.mav.mav_settings import MavParameters
 from volery.estimators.formation.assignment import observability
 from volery.estimators.formation.control import control, regulator
 from volery.experiments.analysis.metrics import compute_metrics
-from volery.experiments.figures.of_runs import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.transport.links import NANOSECONDS
 
@@ -53,7 +53,7 @@ def seconds(times_ns: NDArray[np.int64]) -> Floats:
 
 def shape_rms(record: Record, from_s: float = 2.0) -> float:
     """Root mean square of how far vehicles are from their places, from an instant on [m]."""
-    positions = record.beside["positions"]
+    positions = record.world_reports["positions"]
     errors = shape_errors(parameters_of(record), positions)[seconds(positions.time_ns) >= from_s]
     return float(np.sqrt((errors**2).mean()))
 
@@ -97,10 +97,10 @@ def algebra() -> Iterator[str]:
 def fig6(figure: Figure) -> Iterator[str]:
     """The two references, and the way of the vehicles from one to the other about their centre, mean of eight seeds."""
     records = list(_records(8, "mav3", SOUND, "duration=12 s"))
-    parameters, times = parameters_of(records[0]), seconds(records[0].beside["positions"].time_ns)
-    places = np.stack([record.beside["positions"].value.reshape(-1, 3, 3) for record in records])
+    parameters, times = parameters_of(records[0]), seconds(records[0].world_reports["positions"].time_ns)
+    places = np.stack([record.world_reports["positions"].value.reshape(-1, 3, 3) for record in records])
     places = (places - places.mean(axis=2, keepdims=True)).mean(axis=0)
-    courses = np.stack([record.beside["formation"].value[:, 0] for record in records])
+    courses = np.stack([record.world_reports["formation"].value[:, 0] for record in records])
     figure.set_size_inches(PAGE_IN, 3.2)
     left, right = figure.subplots(1, 2)
     shown = (times > 4.5) & (times < 9.0)
@@ -142,7 +142,7 @@ def fig7(figure: Figure) -> Iterator[str]:
     record = flight()
     figure.set_size_inches(PAGE_IN, 4.6)
     upper, lower = figure.subplots(2, 1)
-    truth, estimates = record.beside["formation"], record.estimates("formation")
+    truth, estimates = record.world_reports["formation"], record.estimates("formation")
     for axes in (upper, lower):
         axes.axvspan(BURST_FROM_S, BURST_UNTIL_S, color=GREY, lw=0, label="every packet lost")
         axes.plot(seconds(truth.time_ns), truth.value[:, 0], color=PURPLE, lw=1.0, label="truth")
@@ -213,7 +213,9 @@ def burst(figure: Figure) -> Iterator[str]:
     soon = int((back <= 1.0).sum())
     times = f"{np.median(back):.2f} s in the median, within 1 s in {soon} of 16, {back.max():.2f} s at most"
     yield f"below 2.5 cm again after {times}"
-    shape = 100 * np.array([shape_errors(parameters_of(r), r.beside["positions"]).max() for r in bursts().values()])
+    shape = 100 * np.array(
+        [shape_errors(parameters_of(r), r.world_reports["positions"]).max() for r in bursts().values()]
+    )
     yield f"furthest from its place: {np.median(shape):.0f} cm in the median, {shape.max():.0f} cm at most"
     closest = [_found(record, "closest approach") for record in bursts().values()]
     touched = sum(distance < 0.4 for distance in closest)
@@ -337,7 +339,7 @@ def nees(figure: Figure) -> Iterator[str]:
 def death(figure: Figure) -> Iterator[str]:
     """Distances of the vehicles when one of them dies in flight."""
     record = simulate("mav3", HOVER, "faults=[{at: 4 s, kill: 2}]", "duration=16 s")
-    positions = record.beside["positions"]
+    positions = record.world_reports["positions"]
     places, times = positions.value.reshape(-1, 3, 3), seconds(positions.time_ns)
     figure.set_size_inches(PAGE_IN / 2, 2.8)
     axes = figure.subplots()

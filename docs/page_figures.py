@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from volery.experiments.figures.of_runs import STYLE
+from volery.experiments.figures.run_figures import STYLE
 
 Tell = Callable[[], Iterator[str]]
 Draw = Callable[[Figure], Iterator[str]]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from volery.estimators.frames.so3_consensus import consensus_step, disagreement, seen_attitude, step_bound
-from volery.experiments.figures.of_runs import BLUE, GREEN, PAGE_IN, STYLE, VERMILION
+from volery.experiments.figures.run_figures import BLUE, GREEN, PAGE_IN, STYLE, VERMILION
 from volery.rotations import conjugate, exp_quaternion, log_quaternion, mean_quaternion, normalised, quaternion_product
 from volery.topologies import complete, laplacian, line, neighbours
 

@@ -9,8 +9,8 @@ from volery.agents.plan import Plan
 from volery.experiments.analysis.ages import arrival_ns
 from volery.experiments.analysis.channels import LinkCourse
 from volery.experiments.figures.space_time import LOOKS, Window, draw_space_time, fate_marks
+from volery.experiments.record.frame_fates import FrameFate, frame_fates
 from volery.experiments.record.record import Record
-from volery.experiments.record.stories import Story, stories
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import LinkSettings
@@ -43,17 +43,17 @@ def settings_of(*fields: str) -> LinkSettings:
     return planned(*fields).links["1", "2"]
 
 
-def frames(record: Record, source: str, target: str) -> list[tuple[Story, str, int]]:
+def frames(record: Record, source: str, target: str) -> list[tuple[FrameFate, str, int]]:
     """What a link has transmitted, in order: the frame, its fate, and when it arrives."""
     course = LinkCourse(record, (source, target))
-    sent = [frame for frame in stories(record)[source, target] if frame.start_ns is not None]
+    sent = [frame for frame in frame_fates(record)[source, target] if frame.start_ns is not None]
     return [(frame, frame.fate, arrival_ns(frame, course) or record.last_ns) for frame in sent]
 
 
 def space_time(axes: Axes, record: Record, from_ms: float, until_ms: float) -> None:
     """Draw a window of a run as `volery plot --space-time` does."""
     window = Window(int(from_ms * MS), int(until_ms * MS), tuple(agent.name for agent in record.plan.agents))
-    draw_space_time(axes, record, stories(record), window)
+    draw_space_time(axes, record, frame_fates(record), window)
 
 
 def legend(figure: Figure, *fates: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from ..agents.journal import Batch
 from ..agents.node import Node
 from ..agents.plan import Plan
-from ..agents.sending import Put
+from ..agents.sender import Put
 from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
@@ -53,9 +53,9 @@ class Twin:
         self._last_heard = last_heard or {}
         self.heap: list[Event] = []
         self._dead: list[Node] = []
-        self._order = {agent.name: index for index, agent in enumerate(plan.everybody)}
+        self._order = {agent.name: index for index, agent in enumerate(plan.all_agents)}
         with one_blas_thread():
-            self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.everybody}
+            self.nodes = {agent.name: self._node(agent.name, 0, 0) for agent in plan.all_agents}
         for agent in plan.agents:
             for incarnation, kill in enumerate(plan.kills(agent.name), start=1):
                 if kill.until_ns is not None:
@@ -67,7 +67,7 @@ class Twin:
     def _node(self, name: str, incarnation: int, start_ns: int, saved: bytes | None = None) -> Node:
         index = self._order[name] + incarnation * len(self._order)
         node = Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
-        node.hearing.unheard_ns = lambda: node.now_ns  # here whatever starts is heard at once
+        node.receiver.unheard_ns = lambda: node.now_ns  # here whatever starts is heard at once
         return node
 
     def _carry(self, source: str) -> Put:
@@ -85,7 +85,7 @@ class Twin:
         """Whom an outlet reaches: one neighbour, or all that hear the radio."""
         if outlet != AIR:
             return (outlet,)
-        return [way.target for way in self.nodes[source].sending.outlets[AIR].ways]
+        return [way.target for way in self.nodes[source].sender.outlets[AIR].ways]
 
     def _restart(self, event: Event) -> None:
         name, incarnation = event[DATA]

@@ -122,18 +122,18 @@ def _told(estimate: Estimate) -> str:
     return f"{estimate.quantity} of sample {estimate[2]} at {estimate.time_ns / 1e9:.6f} s = [{numbers}]"
 
 
-Story = tuple[int, Any]
+FrameFate = tuple[int, Any]
 
 
-def _heard(batch: Batch) -> dict[tuple[Any, ...], Story]:
+def _heard(batch: Batch) -> dict[tuple[Any, ...], FrameFate]:
     return {
         (heard.source, heard.incarnation, heard.copy, heard.sequence): (heard.due_ns, heard.fate)
         for heard in batch.heard
     }
 
 
-def _sent(batch: Batch) -> dict[tuple[Any, ...], Story]:
-    sent: dict[tuple[Any, ...], Story] = {
+def _sent(batch: Batch) -> dict[tuple[Any, ...], FrameFate]:
+    sent: dict[tuple[Any, ...], FrameFate] = {
         (entry.target, entry.copy, entry.sequence): (entry.start_ns, entry[2:]) for entry in batch.sent
     }
     dropped = {(entry.target, 0, entry.sequence): (entry.time_ns, entry.cause) for entry in batch.dropped}
@@ -141,7 +141,7 @@ def _sent(batch: Batch) -> dict[tuple[Any, ...], Story]:
 
 
 def _compare_frames(
-    what: str, mine: dict[tuple[Any, ...], Story], twin: dict[tuple[Any, ...], Story], *, prefix: bool
+    what: str, mine: dict[tuple[Any, ...], FrameFate], twin: dict[tuple[Any, ...], FrameFate], *, prefix: bool
 ) -> Iterator[Departure]:
     for key in mine.keys() | twin.keys():
         recorded, expected = mine.get(key), twin.get(key)
@@ -153,7 +153,7 @@ def _compare_frames(
         yield Departure(first_ns, f"{what} frame {number} {'from' if what.endswith('heard') else 'to'} {peer}: {fates}")
 
 
-def _fate(story: Story | None) -> str:
+def _fate(story: FrameFate | None) -> str:
     return "nothing" if story is None else f"{story[1]} at {story[0] / 1e9:.6f} s"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 ROOT = "volery"
-OPERATOR = "operator"
+CONTROL_CLIENT = "control-client"
 
 
 @dataclass(frozen=True)

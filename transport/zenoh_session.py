@@ -89,7 +89,7 @@ def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) ->
 
 
 def open_client(endpoint: str, who: Credentials, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.Session:
-    """A session of an agent or of the operator.
+    """A session of an agent or of the control client.
 
     Raises:
         RunFailed: nobody listens there, or the credentials are refused, until the time is over.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from .parameters import COUNTS, Told
+from .attitude_unit_settings import COUNTS, Told
 
 
 class Inbox:

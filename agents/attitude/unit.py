@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from ...estimators.attitude.directions import learned_quaternion
 from ...estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
 from ...estimators.attitude.trust import Trust, judged
-from ...estimators.metrics import attitude_difference
+from ...estimators.error_measures import attitude_difference
 from ...rotations import conjugate, euler_to_quaternion, mean_quaternion, quaternion_product, rotate
 from ...units import first_period, period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS
 from ..agent import Agent, Context, Finding, Offer, Received, RunData, Sample, Timer
 from ..plan import Plan
-from . import network
+from . import attitude_network as network
+from .attitude_network import ALONE, ATTITUDE, OWN
+from .attitude_unit_settings import COUNTS, AttitudeParameters, Told
 from .inbox import Inbox
-from .network import ALONE, ATTITUDE, OWN
-from .parameters import COUNTS, AttitudeParameters, Told
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class AttitudeUnit(Agent):
 
     Parameters = AttitudeParameters
     timers_only = True
-    aside = frozenset({network.MESSAGES})
+    diagnostics = frozenset({network.MESSAGES})
 
     parameters: AttitudeParameters
 

@@ -15,7 +15,7 @@ from ...transport.links import LinkSettings
 from ...transport.media import EDGE_SLOTS, FullDuplex
 from ...units import period_ns
 from ..plan import Plan
-from .parameters import DfaParameters
+from .dfa_settings import DfaParameters
 
 SENSOR = "distance"
 _ROUNDS_LOOKED_AT = 240

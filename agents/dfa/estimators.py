@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...estimators.averages.averaging import weighted_average
 from ...estimators.averages.laws import LAWS, ConsensusLaw
-from ...estimators.flying_array.consensus import PACKED_SIZE, estimate, initial_pair
 from ...estimators.flying_array.least_squares import HandedEstimate, hand_on, neighbourhood_estimate
+from ...estimators.flying_array.metropolis import PACKED_SIZE, estimate, initial_pair
 from ...estimators.information import pack_pair, unpack_pair
 from ...topologies import natural_key
 

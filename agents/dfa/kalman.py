@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...topologies import Position
 from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero, period_ns
-from ...worlds.plane.sensors import GaussianDistance
-from ...worlds.plane.world import GYROSCOPE, SENSOR, PlaneWorld, distances
-from ..fusion.agent import ESTIMATE, FusingAgent
-from ..fusion.parameters import FusingParameters
+from ...worlds.plane.distance_sensors import GaussianDistance
+from ...worlds.plane.plane_world import GYROSCOPE, SENSOR, PlaneWorld, distances
+from ..fusion.fusion_agent import ESTIMATE, FusingAgent
+from ..fusion.fusion_settings import FusingParameters
 from ..fusion.problem import Problem, Readings
 from ..plan import Plan
 

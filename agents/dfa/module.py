@@ -22,8 +22,8 @@ from .. import payloads
 from ..agent import Agent, Context, Received, Sample, Timer
 from ..plan import Plan
 from . import array as flying_array
+from .dfa_settings import COUNTS, DfaParameters
 from .estimators import Rounds, rounds
-from .parameters import COUNTS, DfaParameters
 
 _DEGREE = 180 / math.pi
 _NEWEST = (0, 0)

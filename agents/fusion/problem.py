@@ -22,7 +22,7 @@ from ...estimators.distributed.gaussian import (
     predict,
 )
 from ..plan import Plan
-from ..same_plan import Same
+from ..plan_identity import PlanIdentity
 
 Readings = Mapping[str, NDArray[np.float64] | None]
 """Sensor → what it said at one sample; None where it saw nothing, absent where there is none."""
@@ -101,11 +101,11 @@ class Whole:
 
 def whole(plan: Plan, problem: Callable[[Plan], Problem]) -> Whole:
     """The run of a plan; the last few are kept, as they are asked for sample by sample."""
-    return _whole(Same(plan), problem)
+    return _whole(PlanIdentity(plan), problem)
 
 
 @lru_cache(maxsize=4)
-def _whole(same: Same, problem: Callable[[Plan], Problem]) -> Whole:
+def _whole(same: PlanIdentity, problem: Callable[[Plan], Problem]) -> Whole:
     return Whole(same.plan, problem(same.plan))
 
 

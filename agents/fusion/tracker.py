@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...estimators.information import unpack_symmetric
 from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero, period_ns
-from ...worlds.target.world import COORDINATES, TargetWorld, process_noise, transition
+from ...worlds.target.target_world import COORDINATES, TargetWorld, process_noise, transition
 from ..agent import Finding, RunData, View
 from ..plan import Plan
-from .agent import COVARIANCE, ESTIMATE, SETTLED, FusingAgent
-from .parameters import FusingParameters
+from .fusion_agent import COVARIANCE, ESTIMATE, SETTLED, FusingAgent
+from .fusion_settings import FusingParameters
 from .problem import Problem, Readings, whole
 
 

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...estimators.error_measures import chi_square_bounds, nees
 from ...estimators.formation.assignment import observability
-from ...estimators.metrics import chi_square_bounds, nees
 from ...rotations import angle_between, conjugate, mean_quaternion, quaternion_product
 from ...transport.faults import Kill
 from ..agent import Finding, RunData, SeriesData
 from ..plan import Plan
-from .parameters import MavParameters
+from .mav_settings import MavParameters
 
 Floats = NDArray[np.float64]
 SETTLING_NS = 3_000_000_000
@@ -70,7 +70,7 @@ def shape_errors(
 
 
 def _shape(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> Iterator[Finding]:
-    positions = run.beside.get("positions")
+    positions = run.world_reports.get("positions")
     if positions is None:
         return
     dead: dict[int, list[Kill]] = {}
@@ -88,7 +88,7 @@ def _shape(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> I
 
 
 def _kills(run: RunData) -> list[Kill]:
-    return [fault for fault in run.faults_that_held if isinstance(fault, Kill)]
+    return [fault for fault in run.faults_in_effect if isinstance(fault, Kill)]
 
 
 # -- estimates beside each other -----------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def pushed_centre(parameters: MavParameters, forces: Mapping[str, SeriesData]) -
 
 
 def _drift(parameters: MavParameters, names: Sequence[str], run: RunData) -> Iterator[Finding]:
-    centre = run.beside.get("centre")
+    centre = run.world_reports.get("centre")
     if centre is not None and len(centre.value):
         moved = float(np.linalg.norm(centre.value[-1] - centre.value[0]))
         yield Finding("drift of the centre of gravity", moved, "m", "by wind and by estimates; nothing holds it")
@@ -158,7 +158,7 @@ def _drift(parameters: MavParameters, names: Sequence[str], run: RunData) -> Ite
 
 
 def _distances(names: Sequence[str], run: RunData) -> Iterator[Finding]:
-    positions = run.beside.get("positions")
+    positions = run.world_reports.get("positions")
     if positions is None or not len(positions.value):
         return
     places = positions.value.reshape(len(positions.value), len(names), 3)
@@ -180,7 +180,7 @@ def _frames(names: Sequence[str], run: RunData) -> Iterator[Finding]:
         return
     frames: dict[int, list[Floats]] = {}
     for name, mine in run.estimates("attitude").items():
-        truth = run.beside.get(f"attitude@{name}")
+        truth = run.world_reports.get(f"attitude@{name}")
         if truth is None:
             return
         known = dict(zip(truth.sample.tolist(), truth.value, strict=True))
@@ -206,7 +206,7 @@ def mean_nees(run: RunData) -> tuple[float, float, float] | None:
 
     Reports at least `INDEPENDENT_NS` apart count, and those of one instant as one, since vehicles share what they know.
     """
-    truth = run.beside.get("formation")
+    truth = run.world_reports.get("formation")
     if truth is None or not {"formation", "covariance"} <= set(run.quantities()):
         return None
     known = dict(zip(truth.sample.tolist(), truth.value, strict=True))

@@ -8,8 +8,8 @@ from ...errors import BadInput
 from ...estimators.formation.assignment import check_observable
 from ...estimators.frames.so3_consensus import check_step
 from ..plan import Plan
-from .parameters import MavParameters
-from .sensing import CAMERA, IMU
+from .mav_samples import CAMERA, IMU
+from .mav_settings import MavParameters
 
 
 def problems(plan: Plan) -> Sequence[str]:

@@ -16,22 +16,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...estimators.formation.consensus import ConsensusFilter
 from ...estimators.formation.control import control, regulator
 from ...estimators.formation.filter import steps_to
-from ...estimators.formation.messages import Message
+from ...estimators.formation.formation_consensus import ConsensusFilter
+from ...estimators.formation.formation_messages import Message
 from ...estimators.frames.frame_consensus import FrameConsensus
 from ...rotations import conjugate, quaternion_product, rotate
 from ...units import first_period, period_ns
-from ..agent import Agent, Context, Finding, Onlooker, Received, RunData, Sample, Timer, View
+from ..agent import Agent, CentralEstimator, Context, Finding, Received, RunData, Sample, Timer, View
 from ..payloads import DamagedPayload
 from ..plan import Plan
 from . import findings as mav_findings
 from . import problems as mav_problems
-from .messages import decode, encode
-from .onlooker import CentralisedFormation
-from .parameters import MavParameters
-from .sensing import CAMERA, IMU, Sight, frame_model, read_camera, read_imu, sightings
+from .central_estimator import CentralisedFormation
+from .mav_messages import decode, encode
+from .mav_samples import CAMERA, IMU, Sight, frame_model, read_camera, read_imu, sightings
+from .mav_settings import MavParameters
 from .view import formation_view
 
 SIGHTS_KEPT_NS = 1_000_000_000
@@ -51,7 +51,7 @@ class Mav(Agent):
 
     Parameters = MavParameters
     timers_only = True
-    aside = frozenset({FORCE, ATTITUDE, COVARIANCE})
+    diagnostics = frozenset({FORCE, ATTITUDE, COVARIANCE})
     parameters: MavParameters
 
     def __init__(self, context: Context, parameters: MavParameters) -> None:
@@ -297,7 +297,7 @@ class Mav(Agent):
         return ("numba",) if parameters.filtering.form == "compiled" else ()
 
     @classmethod
-    def onlooker(cls, plan: Plan) -> Onlooker:
+    def central_estimator(cls, plan: Plan) -> CentralEstimator:
         """The centralised filter on all that all see."""
         return CentralisedFormation(plan)
 

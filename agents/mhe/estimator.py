@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from ...rotations import quaternion_to_euler
 from ...units import first_period, period_ns
-from ...worlds.quadrotor.sensors import QuadrotorWorld
+from ...worlds.quadrotor.quadrotor_sensors import QuadrotorWorld
 from .. import measurements
 from ..agent import Agent, Context, Finding, Received, RunData, Timer
 from ..payloads import DamagedPayload
 from ..plan import Plan
-from ..same_plan import Same
+from ..plan_identity import PlanIdentity
 from ..sensor_node import SensorNodeParameters, own_sensors
-from .parameters import Configuration, MheParameters
+from .mhe_settings import Configuration, MheParameters
 from .track import IN_TIME, LATE, TOO_LATE, Pair, Track, widths
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Mhe(Agent):
 
     Parameters = MheParameters
     timers_only = True
-    aside = frozenset({COUNTS, *(f"{DISTURBANCE} {configuration}" for configuration in "AB")})
+    diagnostics = frozenset({COUNTS, *(f"{DISTURBANCE} {configuration}" for configuration in "AB")})
 
     parameters: MheParameters
 
@@ -112,7 +112,7 @@ class Mhe(Agent):
     @classmethod
     def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
         """What the same window says that has every measurement in time; of the filter, what the filter then says."""
-        return _courses(Same(plan)).get(quantity, {}).get(index)
+        return _courses(PlanIdentity(plan)).get(quantity, {}).get(index)
 
     @classmethod
     def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats | None:
@@ -216,7 +216,7 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
 
 
 @lru_cache(maxsize=2)
-def _courses(same: Same) -> dict[str, dict[int, Floats]]:
+def _courses(same: PlanIdentity) -> dict[str, dict[int, Floats]]:
     """Quantity → point → what is estimated when every sample comes in time."""
     plan, parameters = same.plan, _parameters(same.plan)
     assert plan.world is not None

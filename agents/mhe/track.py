@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...estimators.horizon.error_state_kalman import ErrorStateKalman
 from ...estimators.horizon.moving_horizon import Estimated, MovingHorizon
-from .parameters import PLACES, Configuration, MheParameters
+from .mhe_settings import PLACES, Configuration, MheParameters
 
 Floats = NDArray[np.float64]
 IN_TIME, LATE, TOO_LATE = "in time", "late", "too late"

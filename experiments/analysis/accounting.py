@@ -14,8 +14,18 @@ import numpy as np
 
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
+from ..record.frame_fates import (
+    ACCESS,
+    IN_FLIGHT,
+    MISSING,
+    QUEUE,
+    REFUSED,
+    SENDER_DOWN,
+    UNKNOWN,
+    FrameFate,
+    frame_fates,
+)
 from ..record.record import Record
-from ..record.stories import ACCESS, IN_FLIGHT, MISSING, QUEUE, REFUSED, SENDER_DOWN, UNKNOWN, Story, stories
 
 NOT_LOST = {REFUSED, QUEUE, DELIVERED, UNKNOWN, IN_FLIGHT, MISSING}
 """Fates that are no loss on the link; every other is the cause of one."""
@@ -69,10 +79,10 @@ class LinkAccount:
 
 def account(record: Record) -> dict[LinkName, LinkAccount]:
     """The account of each directed link, in natural order; links that never carried a frame included."""
-    return {link: link_account(frames, record.last_ns) for link, frames in stories(record).items()}
+    return {link: link_account(frames, record.last_ns) for link, frames in frame_fates(record).items()}
 
 
-def link_account(frames: Sequence[Story], elapsed_ns: int) -> LinkAccount:
+def link_account(frames: Sequence[FrameFate], elapsed_ns: int) -> LinkAccount:
     """The account of one link over a run of this length."""
     fates = Counter(frame.fate for frame in frames)
     sent = [frame for frame in frames if frame.start_ns is not None and not frame.copy]
@@ -98,7 +108,7 @@ def link_account(frames: Sequence[Story], elapsed_ns: int) -> LinkAccount:
     )
 
 
-def _quantiles(delivered: Sequence[Story]) -> tuple[float, float, float]:
+def _quantiles(delivered: Sequence[FrameFate]) -> tuple[float, float, float]:
     travel = [(frame.due_ns or 0) - (frame.start_ns or 0) - (frame.airtime_ns or 0) for frame in delivered]
     if not travel:
         return (float("nan"),) * 3

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
+from ..record.frame_fates import FrameFate
 from ..record.record import Record
-from ..record.stories import Story
 from .channels import LinkCourse
 
 _HIGH = 0.99
@@ -64,25 +64,25 @@ class AgeMetrics:
     peak_ns: float
 
 
-def age_courses(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dict[LinkName, AgeCourse]:
+def age_courses(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[LinkName, AgeCourse]:
     """The age of information of each link through a run."""
-    return {link: age_course(frames, record.last_ns, LinkCourse(record, link)) for link, frames in stories.items()}
+    return {link: age_course(frames, record.last_ns, LinkCourse(record, link)) for link, frames in fates.items()}
 
 
-def age_course(frames: Sequence[Story], end_ns: int, course: LinkCourse) -> AgeCourse:
+def age_course(frames: Sequence[FrameFate], end_ns: int, course: LinkCourse) -> AgeCourse:
     """That of one link, from its frames; `course` says when what it held back was released."""
     drops = list(_drops(sorted(_deliveries(frames, end_ns, course))))
     times, ages = (np.array([drop[number] for drop in drops], dtype=np.int64) for number in (0, 1))
     return AgeCourse(times, ages, end_ns)
 
 
-def arrival_ns(frame: Story, course: LinkCourse) -> int | None:
+def arrival_ns(frame: FrameFate, course: LinkCourse) -> int | None:
     """When a frame came to its receiver: when it was due, or released, and so much later as it was late."""
     released = None if frame.due_ns is None else course.released_ns(frame.due_ns)
     return None if released is None else released + (frame.behind_ns or 0)
 
 
-def _deliveries(frames: Sequence[Story], end_ns: int, course: LinkCourse) -> Iterator[tuple[int, int]]:
+def _deliveries(frames: Sequence[FrameFate], end_ns: int, course: LinkCourse) -> Iterator[tuple[int, int]]:
     """Arrival and start of each delivered frame."""
     for frame in frames:
         if frame.fate == DELIVERED and frame.start_ns is not None:

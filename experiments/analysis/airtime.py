@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.media import HalfDuplex, Medium, on_air
+from ..record.frame_fates import FrameFate
 from ..record.record import Record
-from ..record.stories import Story
 
 
 def medium_name(link: LinkName, medium: Medium) -> str:
@@ -20,10 +20,10 @@ def medium_name(link: LinkName, medium: Medium) -> str:
     return ">".join(link)
 
 
-def airtime_utilisation(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dict[str, float]:
+def airtime_utilisation(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[str, float]:
     """Medium → airtime of all that went over it, over the length of the run; what all neighbours hear counts once."""
     used: dict[str, set[tuple[str, int, int, int]]] = {}
-    for link, frames in stories.items():
+    for link, frames in fates.items():
         mine = used.setdefault(medium_name(link, record.plan.links[link].medium), set())
         mine.update(
             (link[0], frame.incarnation, frame.start_ns, frame.airtime_ns)

@@ -18,8 +18,8 @@ from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
 from ...transport.losses import expected_loss, loss_stages, loss_variance
 from ...transport.media import on_air
 from ...transport.stages import Surroundings
+from ..record.frame_fates import FrameFate
 from ..record.record import Record
-from ..record.stories import Story
 from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
 
 _Place = Callable[[int], Surroundings]
@@ -92,10 +92,10 @@ class _Transmission(NamedTuple):
         return self.settings.draw_index(self.sequence, self.start_ns)
 
 
-def channels(record: Record, stories: Mapping[LinkName, Sequence[Story]]) -> dict[LinkName, Channel]:
+def channels(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[LinkName, Channel]:
     """Compare each link of a run with its settings."""
-    alpha = significance(_BY_CHANCE * len(stories))
-    sent = {link: list(_transmissions(LinkCourse(record, link), mine)) for link, mine in stories.items()}
+    alpha = significance(_BY_CHANCE * len(fates))
+    sent = {link: list(_transmissions(LinkCourse(record, link), mine)) for link, mine in fates.items()}
     radios: dict[str, dict[tuple[int, int], _Transmission]] = {}
     for (source, target), mine in sent.items():
         if on_air(record.plan.links[source, target].medium):
@@ -126,7 +126,7 @@ def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:
     ]
 
 
-def _transmissions(course: LinkCourse, frames: Sequence[Story]) -> Iterator[_Transmission]:
+def _transmissions(course: LinkCourse, frames: Sequence[FrameFate]) -> Iterator[_Transmission]:
     for frame in frames:
         size, start, airtime, due, verdict = frame.size, frame.start_ns, frame.airtime_ns, frame.due_ns, frame.verdict
         if size is None or start is None or airtime is None or due is None or verdict is None:

@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ...errors import BadInput
+from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record, load
 from ..record.samples import references
-from ..record.stories import Story, stories
 from .metrics import component_labels
 
 Format = Literal["csv", "parquet", "npz"]
@@ -32,7 +32,7 @@ ESTIMATE_COLUMNS = {
 _TEXT_FIELDS = {"source", "target", "verdict", "fate"}
 FRAME_COLUMNS = {
     field: "VARCHAR" if field in _TEXT_FIELDS else "BOOLEAN" if field == "contradicted" else "BIGINT"
-    for field in Story._fields
+    for field in FrameFate._fields
 }
 TABLES = {"estimates": ESTIMATE_COLUMNS, "frames": FRAME_COLUMNS}
 
@@ -87,7 +87,7 @@ def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
 
 def frame_rows(record: Record) -> Iterator[tuple[Any, ...]]:
     """One row for each offered frame with its whole story, in the order of FRAME_COLUMNS."""
-    for frames in stories(record).values():
+    for frames in frame_fates(record).values():
         yield from frames
 
 

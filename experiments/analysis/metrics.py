@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from ...agents.agent import Agent, Finding
 from ...agents.registry import find
-from ...estimators import metrics as measures
+from ...estimators import error_measures as measures
 from ...topologies import natural_key
 from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
+from ..record.frame_fates import frame_fates
 from ..record.record import Record, load
 from ..record.samples import Samples, samples
-from ..record.stories import stories
 from ..scenario.fault_labels import fault_label
 from .accounting import LinkAccount, link_account
 from .ages import AgeMetrics, age_courses, age_metrics
@@ -164,7 +164,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         record: the run.
         threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
     """
-    frames = stories(record)
+    frames = frame_fates(record)
     asked = channels(record, frames)
     ages = age_courses(record, frames)
     links = {}
@@ -278,8 +278,8 @@ def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Reco
     of = "disagreement" if np.isnan(all_courses["error to oracle"].rms).all() else "error to oracle"
     course = all_courses[of]
     found = []
-    starts = [fault.at_ns for fault in record.faults_that_held]
-    for fault in record.faults_that_held:
+    starts = [fault.at_ns for fault in record.faults_in_effect]
+    for fault in record.faults_in_effect:
         following = starts[bisect_right(starts, fault.at_ns) :][:1]
         threshold, recovery = _recovery(course, fault, following[0] if following else None)
         label = fault_label(fault, len(record.plan.links))

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
+from ..execution import Options
 from ..record.run_files import CONTROL_FILE
-from ..running import Options
 from .folders import run_of
 from .output import print_error, print_plain
 

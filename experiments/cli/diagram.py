@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from rich.progress import Progress
 
 from ...errors import BadInput
-from ..analysis.trace import agents_of
+from ..analysis.frame_trace import agents_of
 from ..figures.animation import FILMS, Told, animate, still
 from ..figures.space_time import plot_space_time
 from ..record.record import Record, load

@@ -10,9 +10,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..analysis.statistics import CONFIDENCE
-from ..sweeps.compare import check_measure, defined, main_measure
-from ..sweeps.figures import chart_of, plot_sweep
-from ..sweeps.results import load_sweep
+from ..sweeps.significance import check_measure, defined, main_measure
+from ..sweeps.sweep_figures import chart_of, plot_sweep
+from ..sweeps.sweep_results import load_sweep
 
 Measure = Annotated[str | None, Parameter(help="Of a sweep: what to draw; by default the error at the end.")]
 Across = Annotated[str | None, Parameter(help="Of a sweep: the key that runs from left to right.")]

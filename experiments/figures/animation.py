@@ -14,8 +14,8 @@ from ...errors import BadInput
 from ...transport.links import NANOSECONDS
 from ...units import check_above_zero, quantity
 from ..record.record import Record
-from .of_runs import BLACK, BLUE, DARK_GREY, GREEN, PURPLE, SKY, STYLE, VERMILION, check_formats, save
 from .plan_view import Carries, Picture, PlanView
+from .run_figures import BLACK, BLUE, DARK_GREY, GREEN, PURPLE, SKY, STYLE, VERMILION, check_formats, save
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter

@@ -18,8 +18,8 @@ from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED, NANOSECONDS
 from ..analysis.channels import LinkCourse
+from ..record.frame_fates import IN_FLIGHT, FrameFate, frame_fates
 from ..record.record import Life, Record, Series
-from ..record.stories import IN_FLIGHT, Story, stories
 from ..scenario.fault_labels import fault_label
 
 Floats = NDArray[np.float64]
@@ -80,7 +80,7 @@ class PlanView:
             for agent in self.agents
         }
         self._deaths = dict(_deaths(record))
-        told = {link: sorted(_outcomes(mine)) for link, mine in stories(record).items()}
+        told = {link: sorted(_outcomes(mine)) for link, mine in frame_fates(record).items()}
         self.lately_ns = _lately(told.values())
         self._links = {link: _LinkHistory(LinkCourse(record, link), outcomes) for link, outcomes in told.items()}
 
@@ -88,7 +88,7 @@ class PlanView:
 
     def _places(self) -> Callable[[int], Mapping[str, Floats]]:
         """Of all agents at an instant: as a world wrote down, as one tells that moves them, or as the topology has."""
-        written, world = self._record.beside.get(POSITIONS), moving(self._plan.world)
+        written, world = self._record.world_reports.get(POSITIONS), moving(self._plan.world)
         if written is not None:
             return lambda time_ns: _interpolated(written, self.agents, time_ns)
         if world is not None:
@@ -176,7 +176,7 @@ class PlanView:
             down,
             tuple(
                 fault_label(fault, len(self._plan.links))
-                for fault in self._record.faults_that_held
+                for fault in self._record.faults_in_effect
                 if fault.at_ns <= time_ns and (fault.until_ns is None or time_ns < fault.until_ns)
             ),
         )
@@ -217,7 +217,7 @@ def _deaths(record: Record) -> Iterator[tuple[Life, int]]:
             yield (event["agent"], event["incarnation"]), event["time_ns"]
 
 
-def _outcomes(frames: Iterable[Story]) -> Iterator[tuple[int, bool]]:
+def _outcomes(frames: Iterable[FrameFate]) -> Iterator[tuple[int, bool]]:
     """When the fate of each frame was settled [ns], and whether it came through."""
     for frame in frames:
         settled_ns = next((each for each in (frame.due_ns, frame.dropped_ns) if each is not None), None)

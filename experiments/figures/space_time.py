@@ -13,8 +13,7 @@ from ...transport.faults import Fault, LinkFault, LinkName
 from ...transport.links import COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST, NANOSECONDS
 from ..analysis.ages import arrival_ns
 from ..analysis.channels import LinkCourse
-from ..record.record import Record
-from ..record.stories import (
+from ..record.frame_fates import (
     ACCESS,
     IN_FLIGHT,
     MISSING,
@@ -23,11 +22,12 @@ from ..record.stories import (
     REFUSED,
     SENDER_DOWN,
     UNKNOWN,
-    Story,
-    stories,
+    FrameFate,
+    frame_fates,
 )
+from ..record.record import Record
 from ..scenario.fault_labels import fault_label
-from .of_runs import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION, check_formats, save
+from .run_figures import BLACK, BLUE, DARK_GREY, GREEN, GREY, PAGE_IN, PURPLE, SKY, VERMILION, check_formats, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ class Window:
     until_ns: int
     agents: tuple[str, ...]
 
-    def shows(self, frame: Story) -> bool:
+    def shows(self, frame: FrameFate) -> bool:
         """Whether any of a frame lies in it."""
         begin = frame.start_ns if frame.start_ns is not None else frame.dropped_ns
         end = frame.due_ns if frame.due_ns is not None else begin
@@ -109,7 +109,7 @@ def plot_space_time(
         BadInput: no such format, or more frames than can be told apart.
     """
     check_formats(formats)
-    told = stories(record)
+    told = frame_fates(record)
     window = choose_window(record, told, span, agents)
 
     def draw(figure: Figure) -> None:
@@ -123,7 +123,7 @@ def plot_space_time(
 
 def choose_window(
     record: Record,
-    told: Mapping[LinkName, Sequence[Story]],
+    told: Mapping[LinkName, Sequence[FrameFate]],
     span: tuple[int | None, int | None],
     agents: Collection[str] = (),
 ) -> Window:
@@ -171,7 +171,7 @@ def _about(starts: Sequence[int], record: Record, count: int, span: tuple[int | 
 
 
 def draw_space_time(
-    axes: Axes, record: Record, told: Mapping[LinkName, Sequence[Story]], window: Window
+    axes: Axes, record: Record, told: Mapping[LinkName, Sequence[FrameFate]], window: Window
 ) -> list[Line2D]:
     """Draw a window into axes; the marks that occur, for a legend."""
     unit, name = (1e6, "ms") if window.until_ns - window.from_ns < _MILLISECONDS else (1e9, "s")
@@ -196,13 +196,13 @@ def draw_space_time(
     return list(_marks([frame for frame, _ in shown]))
 
 
-def _beside(frame: Story, lanes: Mapping[str, int]) -> float:
+def _beside(frame: FrameFate, lanes: Mapping[str, int]) -> float:
     """Where a frame leaves: beside the lane of its source, on the side of its target."""
     here, there = lanes[frame.source], lanes[frame.target]
     return here + (_APART if there > here else -_APART)
 
 
-def _draw_bars(axes: Axes, frames: Iterable[Story], lanes: Mapping[str, int], unit: float) -> None:
+def _draw_bars(axes: Axes, frames: Iterable[FrameFate], lanes: Mapping[str, int], unit: float) -> None:
     """When a transceiver was on the air; what is sent to several at once is drawn once on each side."""
     bars = {
         (_beside(frame, lanes), frame.start_ns / unit, (frame.start_ns + frame.airtime_ns) / unit)
@@ -213,7 +213,7 @@ def _draw_bars(axes: Axes, frames: Iterable[Story], lanes: Mapping[str, int], un
         axes.plot([start, end], [side, side], color=SKY, linewidth=_BAR, solid_capstyle="butt", zorder=1)
 
 
-def _draw_way(axes: Axes, frame: Story, arrived: int | None, lanes: Mapping[str, int], unit: float) -> None:
+def _draw_way(axes: Axes, frame: FrameFate, arrived: int | None, lanes: Mapping[str, int], unit: float) -> None:
     """From the last bit out to due, as far as the frame came, and from there to when it was taken in."""
     look, side, there = LOOKS[frame.fate], _beside(frame, lanes), lanes[frame.target]
     if frame.start_ns is None or frame.due_ns is None:
@@ -275,7 +275,7 @@ def _shade(
         )
 
 
-def _marks(frames: Collection[Story]) -> Iterator[Line2D]:
+def _marks(frames: Collection[FrameFate]) -> Iterator[Line2D]:
     from matplotlib.lines import Line2D
 
     if any(frame.airtime_ns for frame in frames):

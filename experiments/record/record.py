@@ -82,7 +82,7 @@ class Record:
         return tuple(sorted(held, key=lambda fault: (fault.at_ns, fault.id)))
 
     @cached_property
-    def faults_that_held(self) -> tuple[Fault, ...]:
+    def faults_in_effect(self) -> tuple[Fault, ...]:
         """The same without those that were cleared, or the run stopped, before they began."""
         return tuple(
             fault
@@ -124,8 +124,8 @@ class Record:
     @cached_property
     def of_agents(self) -> dict[Life, Batch]:
         """The batches of the agents in natural order, without those of who ran beside them."""
-        beside = {one.name for one in self.plan.beside}
-        mine = (item for item in self.batches.items() if item[0][0] not in beside)
+        world_agents = {one.name for one in self.plan.world_agents}
+        mine = (item for item in self.batches.items() if item[0][0] not in world_agents)
         return dict(sorted(mine, key=lambda item: (natural_key(item[0][0]), item[0][1])))
 
     def quantities(self) -> tuple[str, ...]:
@@ -134,14 +134,14 @@ class Record:
 
     def compared(self) -> tuple[str, ...]:
         """Those of them that are estimates, and not what a class of agents reports aside."""
-        aside = {name for agent in self.plan.agents for name in find(agent.kind).aside}
-        return tuple(quantity for quantity in self.quantities() if quantity not in aside)
+        diagnostics = {name for agent in self.plan.agents for name in find(agent.kind).diagnostics}
+        return tuple(quantity for quantity in self.quantities() if quantity not in diagnostics)
 
     @cached_property
-    def beside(self) -> dict[str, Series]:
-        """What a coupled world wrote down: quantity → its true values, or what an onlooker estimated of it."""
+    def world_reports(self) -> dict[str, Series]:
+        """What a coupled world wrote down: quantity → its true values, or what an central_estimator estimated of it."""
         reports: dict[str, list[Estimate]] = {}
-        for one in self.plan.beside:
+        for one in self.plan.world_agents:
             for estimate in self.batches.get((one.name, 0), Batch(one.name, 0)).estimates:
                 reports.setdefault(estimate.quantity, []).append(estimate)
         return {name: _series(WORLD, mine, len(mine[0].value)) for name, mine in reports.items()}

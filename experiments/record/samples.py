@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...agents.coupled_world import ORACLE
 from ...agents.registry import find
 from ...errors import BadInput
-from ...estimators.metrics import disagreement, error
+from ...estimators.error_measures import disagreement, error
 from ...transport.faults import Fault, Kill
 from .record import Record, Series
 
@@ -134,8 +134,10 @@ def references(record: Record, quantity: str, series: Mapping[str, Series]) -> d
     if plan.coupled is not None:
         return {
             agent: (
-                _written_down(record.beside, mine, width, (f"{ORACLE}{quantity}@{agent}", f"{ORACLE}{quantity}")),
-                _written_down(record.beside, mine, width, (f"{quantity}@{agent}", quantity)),
+                _written_down(
+                    record.world_reports, mine, width, (f"{ORACLE}{quantity}@{agent}", f"{ORACLE}{quantity}")
+                ),
+                _written_down(record.world_reports, mine, width, (f"{quantity}@{agent}", quantity)),
             )
             for agent, mine in series.items()
         }

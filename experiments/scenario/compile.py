@@ -19,13 +19,13 @@ from ...units import quantity
 from ...worlds.moving.motions import MovingWorld
 from ...worlds.scenario import MOVING, needs_places
 from ...worlds.scenario import build as build_world
-from .contradictions import contradictions
+from .consistency import inconsistencies
 from .expansion import expand
+from .fault_conflicts import conflicts
 from .fault_places import Places, changed_links, group_problems, parse_agents
-from .fitting import misfits
-from .reading import Problem
 from .schema import AgentKind, Scenario
 from .slots import radio_slots
+from .yaml_document import Problem
 
 _PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
 _PROXIMITY = "proximity"
@@ -76,7 +76,7 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         except BadInput as error:
             problems.append(Problem(("topology",), str(error)))
     if not problems:
-        problems = [*misfits(plan), *contradictions(plan, scenario.faults)]
+        problems = [*inconsistencies(plan), *conflicts(plan, scenario.faults)]
     return plan, problems
 
 

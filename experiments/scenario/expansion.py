@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from ...agents.plan import Coupled
-from ...agents.sensing import numbers
+from ...agents.sensor_samples import numbers
 from ...errors import BadInput
 from ...topologies import ordered
 from ...transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, SensorTrouble
@@ -19,8 +19,8 @@ from .fault_places import Places, changed_links, parse_agents, parse_links, pars
 from .fault_processes import renewals
 from .link_schema import validated
 from .partitions import crossing
-from .reading import describe
 from .timeline import FaultEntry
+from .yaml_document import describe
 
 _LOOKED_AT = 32
 _WHOLE_SHARE = 1.0

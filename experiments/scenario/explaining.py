@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...names import did_you_mean, nearest
-from .reading import Loc, Problem
+from .yaml_document import Loc, Problem
 
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ...errors import BadInput
 from ...names import did_you_mean
-from .reading import parse
+from .yaml_document import parse
 
 _FOLDER = Path(__file__).parents[2] / "scenarios"
 _SUFFIXES = (".yaml", ".yml")

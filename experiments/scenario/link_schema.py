@@ -34,8 +34,8 @@ from ...units import BitsPerSecond, Bytes, Nanoseconds
 from .explaining import explain, schema_fields
 from .fault_places import read_words
 from .presets import PRESET, PresetName, with_preset
-from .reading import describe
-from .traces import read_trace
+from .trace_files import read_trace
+from .yaml_document import describe
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True)
 ACCESSES: dict[str, Any] = {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma, "csma": Csma}

@@ -15,8 +15,8 @@ from ...transport.links import LinkSettings
 from ...transport.losses import Loss
 from ...transport.media import FullDuplex, HalfDuplex, Tdma, on_air
 from ...units import quantity
+from .consistency import slots_of
 from .fault_labels import fault_label
-from .fitting import slots_of
 from .link_schema import LinkFields
 from .writing import spelled
 

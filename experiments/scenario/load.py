@@ -14,9 +14,9 @@ from .compile import attempt, compile_plan
 from .explaining import explain
 from .library import Source, builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .link_schema import validated
-from .reading import read_document
 from .schema import SCENARIO, Scenario, json_schema, known_fields, resolved_yaml
-from .traces import anchor
+from .trace_files import anchor
+from .yaml_document import read_document
 
 __all__ = [
     "Scenario",

@@ -22,7 +22,7 @@ _ALONE = ("halves", "random", "majority-ring")
 _OF_AGENTS = ("isolate", "bridge")
 _HOW = f"write {', '.join(_ALONE)}, isolate 5, bridge 5, or groups of agents: [[1, 2], [3, 4]]"
 
-Hearing = Mapping[str, frozenset[str]]
+Receiver = Mapping[str, frozenset[str]]
 """Agent → the agents that it can hear, itself among them."""
 
 
@@ -108,20 +108,20 @@ def _shuffled(places: Places) -> list[str]:
     return sorted(places.agents, key=lambda name: draws[name])
 
 
-def _halves(_partition: Partition, places: Places) -> Hearing:
+def _halves(_partition: Partition, places: Places) -> Receiver:
     return _sides(_bisected(places.agents))
 
 
-def _random(_partition: Partition, places: Places) -> Hearing:
+def _random(_partition: Partition, places: Places) -> Receiver:
     return _sides(_bisected(_shuffled(places)))
 
 
-def _isolated(partition: Partition, places: Places) -> Hearing:
+def _isolated(partition: Partition, places: Places) -> Receiver:
     alone = parse_agents(partition.groups[0], places)
     return _sides([*((agent,) for agent in alone), [agent for agent in places.agents if agent not in alone]])
 
 
-def _bridged(partition: Partition, places: Places) -> Hearing:
+def _bridged(partition: Partition, places: Places) -> Receiver:
     """Two halves, and one agent that hears both and is heard by both."""
     words = partition.groups[0]
     if len(words) != 1:
@@ -132,7 +132,7 @@ def _bridged(partition: Partition, places: Places) -> Hearing:
     return {**hears, bridge: frozenset(places.agents)}
 
 
-def _majority_ring(_partition: Partition, places: Places) -> Hearing:
+def _majority_ring(_partition: Partition, places: Places) -> Receiver:
     """On a ring drawn from the seed each hears the ⌊n/2⌋ + 1 agents about it: a majority, and no two the same one."""
     ring = _shuffled(places)
     count = len(ring)
@@ -143,7 +143,7 @@ def _majority_ring(_partition: Partition, places: Places) -> Hearing:
     }
 
 
-def _grouped(partition: Partition, places: Places) -> Hearing:
+def _grouped(partition: Partition, places: Places) -> Receiver:
     sides = [() if group == (REST,) else parse_agents(group, places) for group in partition.groups]
     sides_of: dict[str, int] = {}
     for number, side in enumerate(sides):
@@ -157,7 +157,7 @@ def _grouped(partition: Partition, places: Places) -> Hearing:
     return _sides([*sides, left])
 
 
-_HEARS: dict[str, Callable[[Partition, Places], Hearing]] = {
+_HEARS: dict[str, Callable[[Partition, Places], Receiver]] = {
     "halves": _halves,
     "random": _random,
     "isolate": _isolated,

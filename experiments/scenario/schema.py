@@ -28,9 +28,9 @@ from ...units import Nanoseconds, quantity
 from .explaining import schema_fields
 from .fault_places import read_groups, read_words
 from .link_schema import STRICT, LinkFields, Links, LinksFields, Reader, read_links, validated
-from .reading import Loc
 from .timeline import FaultEntry
 from .writing import spelled
+from .yaml_document import Loc
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _PARAMETERS = ("parameters", "parameters")

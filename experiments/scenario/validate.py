@@ -13,8 +13,8 @@ from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import LinkSettings
 from ...transport.media import HalfDuplex, Tdma, on_air
-from .contradictions import vain_faults
-from .fitting import slots_of
+from .consistency import slots_of
+from .fault_conflicts import vain_faults
 from .graph_changes import GraphChanges, graph_changes
 from .writing import ACCESS_NAMES
 

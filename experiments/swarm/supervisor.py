@@ -22,9 +22,9 @@ from ...agents.plan import Plan
 from ...agents.process import Assignment, Pace
 from ...errors import RunFailed
 from ...transport import zenoh_session as zs
-from ...transport.access import access_control
 from ...transport.faults import Fault, to_plain
-from ...transport.keys import OPERATOR, Keys
+from ...transport.keys import CONTROL_CLIENT, Keys
+from ...transport.zenoh_access_control import access_control
 from ..record.record import INJECTED
 from ..twin import RecordSink
 from .members import Member, joined_or_ended, watch_for_stopped
@@ -78,7 +78,7 @@ class Swarm:
         self.pace = pace
         self.status = Status(plan.duration_ns, frozenset(agent.name for agent in plan.agents))
         self.endpoint = ""
-        names = *(agent.name for agent in plan.everybody), OPERATOR
+        names = *(agent.name for agent in plan.all_agents), CONTROL_CLIENT
         self.passwords = {name: secrets.token_urlsafe(18) for name in names}
         self.session: zs.Session
         self.live_faults: dict[str, Fault] = {fault.id: fault for fault in plan.faults}
@@ -112,7 +112,7 @@ class Swarm:
         with tempfile.TemporaryDirectory(prefix="volery-") as private:
             passwords = Path(private) / "passwords"
             passwords.write_text("".join(f"{user}:{word}\n" for user, word in self.passwords.items()), encoding="ascii")
-            joined = {agent.name: agent.neighbours + agent.wired for agent in self.plan.everybody}
+            joined = {agent.name: agent.neighbours + agent.wired for agent in self.plan.all_agents}
             control = access_control(self._keys, joined)
             self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
         told, wall_ns = False, 0
@@ -138,12 +138,12 @@ class Swarm:
     # -- beginning ----------------------------------------------------------------------------------------------
 
     async def _start(self) -> None:
-        for agent in self.plan.everybody:
+        for agent in self.plan.all_agents:
             self.spawn(agent.name, 0)
-        await self.joined([(agent.name, 0) for agent in self.plan.everybody])
+        await self.joined([(agent.name, 0) for agent in self.plan.all_agents])
         if self.pace == "realtime":
             await self.order({"do": "rehearse"})
-        head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.everybody)
+        head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.all_agents)
         self._epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self._sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
         await self.order(self._start_order(0))
@@ -156,14 +156,14 @@ class Swarm:
 
     def _start_order(self, start_ns: int, saved: bytes | None = None) -> dict[str, Any]:
         """Come to life at an instant, in the run as it is now."""
-        beginning = {
+        run_start = {
             "epoch_ns": self._epoch_ns,
             "end_ns": self.end_ns,
             "interventions": self.interventions,
             "gone": sorted(self.gone),
         }
         faults = [to_plain(fault) for fault in self.live_faults.values()]
-        return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "beginning": beginning}
+        return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "run_start": run_start}
 
     def spawn(self, name: str, incarnation: int) -> Member:
         """A process for a life of an agent."""
@@ -344,7 +344,7 @@ class Swarm:
     async def _end_from_outside(self, name: str, incarnation: int, cause: str) -> None:
         self.gone.add((name, incarnation))
         self.restarts.forget(name)
-        if cause.startswith("ended") or name in {one.name for one in self.plan.beside}:
+        if cause.startswith("ended") or name in {one.name for one in self.plan.world_agents}:
             self._problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self._over.set()

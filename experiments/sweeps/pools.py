@@ -20,8 +20,8 @@ from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
 
 from ...errors import BadInput, RunFailed
-from .plan import Job, made_with
-from .run import Values, run_job
+from .sweep_plan import Job, made_with
+from .sweep_runs import Values, run_job
 
 _AHEAD = 2
 """Runs that each worker has been given: the one that it works on, and the next."""

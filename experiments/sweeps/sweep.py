@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import BadInput
-from ..running import Engine
-from .plan import SweepPlan
+from ..execution import Engine
 from .pools import Pool, cores, dask_pool, local_pool
-from .results import KEPT, Journal, Row, Sweep, is_sweep, write_table
+from .sweep_plan import SweepPlan
+from .sweep_results import KEPT, Journal, Row, Sweep, is_sweep, write_table
 
 
 @dataclass(frozen=True)

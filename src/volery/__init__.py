@@ -1,7 +1,7 @@
 """volery: an asynchronous networked agent emulator over Eclipse Zenoh.
 
-`run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.results.Run`.
-`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweeps.results.Sweep`.
+`run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.run_arrays.Run`.
+`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweeps.sweep_results.Sweep`.
 `connect` finds a swarm that is running, to inject faults.
 """
 
@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from .experiments.results import Run
-    from .experiments.swarm.remote import RunningSwarm
-    from .experiments.sweeps.results import Sweep
+    from .experiments.run_arrays import Run
+    from .experiments.swarm.running_swarm import RunningSwarm
+    from .experiments.sweeps.sweep_results import Sweep
 
 __all__ = ["connect", "load", "run", "sweep"]
 
@@ -61,8 +61,8 @@ def run(
         BadInput: the scenario or an option does not fit.
         RunFailed: the swarm could not be started.
     """
-    from .experiments.results import run_scenario
-    from .experiments.running import Options
+    from .experiments.execution import Options
+    from .experiments.run_arrays import run_scenario
 
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
     return run_scenario(scenario, overrides, options)
@@ -112,9 +112,9 @@ def sweep(  # noqa: PLR0913 - all but two by name
     """
     from rich.console import Console
 
-    from .experiments.sweeps.plan import plan_sweep
-    from .experiments.sweeps.progress import run_shown
     from .experiments.sweeps.sweep import SweepOptions, run_sweep
+    from .experiments.sweeps.sweep_plan import plan_sweep
+    from .experiments.sweeps.sweep_progress import run_shown
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
     plan = plan_sweep(scenario, overrides, over, random, options.engine)
@@ -127,7 +127,7 @@ def load(folder: str | Path) -> Run:
     Raises:
         BadInput: no run there, or a damaged record.
     """
-    from .experiments.results import load_run
+    from .experiments.run_arrays import load_run
 
     return load_run(folder)
 
@@ -141,6 +141,6 @@ def connect(folder: str | Path) -> RunningSwarm:
     Raises:
         BadInput: no swarm runs there.
     """
-    from .experiments.swarm import remote
+    from .experiments.swarm.running_swarm import connect as connect_to
 
-    return remote.connect(folder)
+    return connect_to(folder)

@@ -12,8 +12,8 @@ import pytest
 
 from volery.agents import payloads
 from volery.agents.agent import Agent, NoParameters
-from volery.agents.altitude.ekf import AltitudeEkf
-from volery.agents.altitude.parameters import AltitudeEkfParameters
+from volery.agents.altitude.altitude_ekf import AltitudeEkf
+from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
@@ -26,10 +26,10 @@ from volery.transport.faults import ClockFault, Fault, Kill
 from volery.transport.latencies import Constant, Uniform
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
+from volery.worlds.altitude.altitude_sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
+from volery.worlds.altitude.altitude_world import AltitudeWorld
 from volery.worlds.altitude.room import Obstacle, Room
-from volery.worlds.altitude.sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
 from volery.worlds.altitude.tour import Tour
-from volery.worlds.altitude.world import AltitudeWorld
 
 MS, S = 1_000_000, 1_000_000_000
 TOUR = Tour(((0.0, 0.0), (4.0, 0.0)), altitude=1.4, speed=0.6, wait=1.0, take_off=2.0, landing=3.0)

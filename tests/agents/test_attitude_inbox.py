@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from volery.agents import payloads
+from volery.agents.attitude.attitude_unit_settings import COUNTS, Told
 from volery.agents.attitude.inbox import Inbox
-from volery.agents.attitude.parameters import COUNTS, Told
 from volery.agents.payloads import DamagedPayload
 from volery.estimators.attitude.dynamic_consensus import ToldAttitude
 

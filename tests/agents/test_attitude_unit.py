@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volery.agents.attitude.network import problems
+from volery.agents.attitude.attitude_network import problems
 from volery.agents.attitude.unit import AttitudeUnit
 from volery.agents.plan import Plan
 from volery.errors import BadInput

@@ -13,10 +13,10 @@ from volery.agents.dfa.kalman import DfaKalman
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
-from volery.experiments.results import _from_mapping
+from volery.experiments.run_arrays import _from_mapping
 from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
-from volery.worlds.plane.world import PlaneWorld, distances, turning
+from volery.worlds.plane.plane_world import PlaneWorld, distances, turning
 from volery.worlds.scenario import build
 
 PLACES = {"1": (0.0, 0.0), "2": (0.25, 0.0), "3": (0.1, 0.2), "4": (-0.2, 0.15)}

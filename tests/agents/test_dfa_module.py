@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from volery import topologies
 from volery.agents import payloads
 from volery.agents.agent import Context, Received, Sample, Timer
+from volery.agents.dfa.dfa_settings import COUNTS, DfaParameters
 from volery.agents.dfa.module import DfaModule
-from volery.agents.dfa.parameters import COUNTS, DfaParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
 from volery.experiments.record.record import Record
@@ -28,8 +28,8 @@ from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
 from volery.transport.media import HalfDuplex, Tdma
 from volery.worlds import signals as truth
-from volery.worlds.plane.sensors import GaussianDistance
-from volery.worlds.plane.world import PlaneWorld
+from volery.worlds.plane.distance_sensors import GaussianDistance
+from volery.worlds.plane.plane_world import PlaneWorld
 
 MS = 1_000_000
 NUMBERS = 9
@@ -130,7 +130,7 @@ def test_frames_that_miss_their_round_are_not_used() -> None:
     assert all(batch.heard for batch in record.batches.values())
 
 
-class Desk:
+class ControlServer:
     """The context of a module 1 of the complete array, in a test's hands; see `Context`."""
 
     name = "1"
@@ -159,10 +159,10 @@ class Desk:
         return stream(0, purpose)
 
 
-def module(**parameters: Any) -> tuple[DfaModule, Desk]:
-    """A module on a desk."""
-    desk = Desk()
-    return DfaModule(cast("Context", desk), DfaParameters(**parameters)), desk
+def module(**parameters: Any) -> tuple[DfaModule, ControlServer]:
+    """A module on a control_server."""
+    control_server = ControlServer()
+    return DfaModule(cast("Context", control_server), DfaParameters(**parameters)), control_server
 
 
 def tell(agent: DfaModule, source: str, sample: int, number: int, distance: float) -> None:
@@ -179,7 +179,7 @@ def ring(agent: DfaModule, sample: int, number: int) -> None:
 @pytest.mark.parametrize("later", [1, COUNTS - 1, COUNTS])
 def test_what_comes_after_its_round_is_never_used(later: int) -> None:
     """Also not when the counts on the wire have gone round and the same tag is up again."""
-    agent, desk = module(estimator="neighbourhood-least-squares", rounds=1)
+    agent, control_server = module(estimator="neighbourhood-least-squares", rounds=1)
     agent.on_sample(Sample("distance", 0, 0, np.array([0.2])))
     ring(agent, 0, 0)
     ring(agent, 0, 1)
@@ -187,21 +187,21 @@ def test_what_comes_after_its_round_is_never_used(later: int) -> None:
         tell(agent, source, 0, 0, 0.3)
     ring(agent, later, 0)
     ring(agent, later, 1)
-    assert desk.reports == []
+    assert control_server.reports == []
 
 
 def test_what_comes_before_its_round_waits_for_it() -> None:
     """A neighbour whose phase is ahead has told its round before this module has begun it."""
-    agent, desk = module(estimator="neighbourhood-least-squares", rounds=1)
+    agent, control_server = module(estimator="neighbourhood-least-squares", rounds=1)
     agent.on_sample(Sample("distance", COUNTS, 0, np.array([0.2])))
     for source in "2345":
         tell(agent, source, 0, 0, 0.2)
     ring(agent, COUNTS, 0)
     ring(agent, COUNTS, 1)
-    [(quantity, index, value)] = desk.reports
+    [(quantity, index, value)] = control_server.reports
     assert (quantity, index) == ("estimate", COUNTS)
     assert value == pytest.approx([0.2, 0.0, 0.0], abs=1e-12)
-    assert set(desk.told) == {"2", "3", "4", "5"}
+    assert set(control_server.told) == {"2", "3", "4", "5"}
 
 
 def test_estimates_are_handed_on_to_who_cannot_solve() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery.agents.mav import onlooker as mav_onlooker
+from volery.agents.mav import central_estimator as mav_central_estimator
 from volery.agents.mav.findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import component_labels, compute_metrics
@@ -39,7 +39,7 @@ def test_a_step_of_the_reference_is_flown_without_disturbances() -> None:
     """From A to B in r₁ₓ alone: 10 to 90 % within 0.4 to 2 s, no overshoot to speak of, and there to a centimetre."""
     step = "agents.script=[{at: 1 s, reference: B}]"
     record = fly("mav3", *QUIET, step, "duration=7 s")
-    truth = record.beside["formation"]
+    truth = record.world_reports["formation"]
     risen = (truth.value[:, 0] - truth.value[0, 0]) / 0.45
     tenth, most = (truth.time_ns[np.argmax(risen >= share)] * 1e-9 for share in (0.1, 0.9))
     assert 0.4 < most - tenth < 2.0
@@ -66,9 +66,9 @@ def test_estimates_stand_beside_truth_and_centralised_filter() -> None:
 def test_the_centralised_filter_takes_many_sightings_in_parts_to_the_same_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine vehicles that see several each: in one update or in several, the estimates differ by rounding."""
     flight = ("mav9", "duration=1 s", NO_STEPS, NO_FAULTS)
-    apart = fly(*flight).beside["oracle formation"].value
-    monkeypatch.setattr(mav_onlooker, "_AT_ONCE", 1_000)
-    together = fly(*flight).beside["oracle formation"].value
+    apart = fly(*flight).world_reports["oracle formation"].value
+    monkeypatch.setattr(mav_central_estimator, "_AT_ONCE", 1_000)
+    together = fly(*flight).world_reports["oracle formation"].value
     assert not np.array_equal(apart, together)
     assert np.abs(apart - together).max() < 1e-9
 
@@ -83,7 +83,7 @@ def test_a_burst_drives_estimates_apart_and_the_radio_brings_them_back(seed: int
     assert 0.15 < spread[during].max() < 1.0
     assert spread[after].min() < 0.025
     parameters = record.plan.agents[0].parameters
-    assert shape_errors(parameters, record.beside["positions"]).max() < 0.45
+    assert shape_errors(parameters, record.world_reports["positions"]).max() < 0.45
 
 
 def test_packets_used_as_if_fresh_break_the_loop_and_compensated_ones_do_not() -> None:
@@ -111,7 +111,7 @@ def test_the_others_go_on_without_a_vehicle_that_died() -> None:
     findings = found(record)
     assert "unobservable: r1, r2" in findings["without vehicle 2"].text
     assert "among those that are left all relative positions are observable" in findings["without vehicle 2"].text
-    positions = record.beside["positions"]
+    positions = record.world_reports["positions"]
     places = positions.value.reshape(-1, 3, 3)
     apart = np.linalg.norm(places[:, 0] - places[:, 2], axis=-1)[positions.time_ns > 9_000_000_000]
     assert abs(apart.mean() - 0.9) < 0.15
@@ -316,7 +316,7 @@ def test_components_of_a_formation_are_named_as_they_are_stored() -> None:
     assert [unit for _, unit, _ in labels] == (["m"] * 3 + ["m/s"] * 3) * 2
     metrics = compute_metrics(record).quantities["formation"]
     assert [one.name for one in metrics.components] == [name for name, _, _ in labels]
-    places = record.beside["positions"].value[0].reshape(3, 3)
+    places = record.world_reports["positions"].value[0].reshape(3, 3)
     truth = samples(record, "formation").truth[0, 0]
     np.testing.assert_allclose(truth[[0, 6]], [places[0, 0] - places[1, 0], places[1, 0] - places[2, 0]], atol=1e-12)
     assert component_labels(record, "force", 3)[2] == ("force z", "N", 1.0)

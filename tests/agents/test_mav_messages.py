@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from volery.agents.mav.messages import Kind, Layout, decode, encode
+from volery.agents.mav.mav_messages import Kind, Layout, decode, encode
 from volery.agents.payloads import DamagedPayload, Precision
 from volery.errors import BadInput
-from volery.estimators.formation.messages import FullMessage, Message, PairMessage
+from volery.estimators.formation.formation_messages import FullMessage, Message, PairMessage
 from volery.randomness import stream
 
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)

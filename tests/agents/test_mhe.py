@@ -14,7 +14,7 @@ from volery.agents import measurements
 from volery.agents.agent import Received
 from volery.agents.measurements import Measurement
 from volery.agents.mhe.estimator import ATTITUDE, COUNTS, DISTURBANCE, Mhe
-from volery.agents.mhe.parameters import PLACES, MheParameters
+from volery.agents.mhe.mhe_settings import PLACES, MheParameters
 from volery.agents.mhe.track import IN_TIME, LATE, TOO_LATE, Track
 from volery.errors import BadInput
 from volery.estimators.horizon.quadrotor_model import Deviations
@@ -22,7 +22,7 @@ from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import compile_plan, load_scenario
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
-from volery.worlds.quadrotor.sensors import DEVIATIONS
+from volery.worlds.quadrotor.quadrotor_sensors import DEVIATIONS
 
 Floats = NDArray[np.float64]
 MS = 1_000_000

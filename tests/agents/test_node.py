@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from volery.agents import hearing
+from volery.agents import receiver
 from volery.agents.agent import Agent, NoParameters, Received, Sample, Timer
 from volery.agents.context import BrokenPromise, NotANeighbour
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
 from volery.agents.node import Node
 from volery.agents.plan import AgentPlan, Plan
-from volery.agents.sending import FrameTooLarge
+from volery.agents.sender import FrameTooLarge
 from volery.errors import BadInput
 from volery.transport import fabric
 from volery.transport.events import Event
@@ -346,9 +346,9 @@ def test_an_agent_that_overrides_nothing_takes_everything() -> None:
 
 def test_what_may_be_asked_for_is_remembered_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the wall clock, where frames may be late: only the order of each neighbour's frames tells what cannot come."""
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 1)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 1)
     bench = Bench(Listener, LinkSettings(medium=HalfDuplex(), rate=8000.0))
-    transceiver = bench.node.sending.outlets["2"].transceiver
+    transceiver = bench.node.sender.outlets["2"].transceiver
 
     def send(at_ms: int) -> None:
         bench.timer(at_ms, lambda: bench.agent.context.send("2", b"5 ms"))

@@ -9,10 +9,10 @@ from dataclasses import replace
 import pytest
 
 from volery.agents.agent import NoParameters
-from volery.agents.beginning import Beginning
 from volery.agents.node import Node
 from volery.agents.pacing import Realtime
 from volery.agents.plan import AgentPlan, Plan
+from volery.agents.run_start import RunStart
 from volery.transport.faults import LinkFault
 from volery.transport.links import LinkSettings
 
@@ -40,7 +40,7 @@ def test_a_fault_that_moves_is_late_once_its_first_instant_has_passed(monkeypatc
         loop = asyncio.get_running_loop()
         pacer = Realtime(loop, lambda *_: None, lambda: None, as_it_is, 1.0)
         node = Node(Plan("bench", 1, 10_000 * MS, agents, links), "1", [], pacer.put)
-        pacer.begin(node, Beginning(0, 10_000 * MS))
+        pacer.begin(node, RunStart(0, 10_000 * MS))
         assert not arm_at(pacer, 50)
         assert not arm_at(pacer, 200)
         again = replace(CUT, id="f2")

@@ -18,7 +18,7 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.sensor_node import SensorNode, SensorNodeParameters
 from volery.errors import BadInput
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.fitting import misfits
+from volery.experiments.scenario.consistency import inconsistencies
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
 from volery.transport.faults import ClockFault, Fault, SensorFault
@@ -124,8 +124,8 @@ def test_validation_knows_sizes_and_rates() -> None:
     assert offer.per_second == 120.0
     assert offer.largest_payload == measurements.largest_size(1, 3, "float64")
     assert validate_plan(plan_of(BOTH)).largest_payload == offer.largest_payload
-    assert list(misfits(plan_of(BOTH, mtu=offer.largest_payload))) == []
-    (problem,) = misfits(plan_of(BOTH, mtu=offer.largest_payload - 1))
+    assert list(inconsistencies(plan_of(BOTH, mtu=offer.largest_payload))) == []
+    (problem,) = inconsistencies(plan_of(BOTH, mtu=offer.largest_payload - 1))
     assert f"a payload of {offer.largest_payload} B is larger than the MTU" in problem.message
 
 

@@ -17,7 +17,7 @@ from volery.estimators.distributed.filtering import Filter
 from volery.estimators.distributed.gaussian import Gaussian, corrected
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.record.record import Record
-from volery.experiments.results import _from_mapping
+from volery.experiments.run_arrays import _from_mapping
 from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
 

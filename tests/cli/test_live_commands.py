@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.cli import faults as cli_faults
-from volery.experiments.cli import live as cli_live
+from volery.experiments.cli import fault_commands as cli_faults
+from volery.experiments.cli import live_commands as cli_live
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import Places
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from volery.experiments.cli import run as cli_run
-from volery.experiments.running import execute
+from volery.experiments.cli import run_command as cli_run
+from volery.experiments.execution import execute
 
 from .conftest import Volery
 

@@ -12,8 +12,8 @@ from types import ModuleType
 
 import pytest
 
-from volery.experiments.sweeps.plan import plan_sweep
-from volery.experiments.sweeps.run import run_job
+from volery.experiments.sweeps.sweep_plan import plan_sweep
+from volery.experiments.sweeps.sweep_runs import run_job
 
 from .conftest import DOCS, blocks, typed
 

@@ -15,13 +15,13 @@ from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.cli import app as cli
-from volery.experiments.cli import faults as cli_faults
+from volery.experiments.cli import fault_commands as cli_faults
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import parse_agents, parse_links, places_of, read_words
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.timeline import ACTIONS, TROUBLES
-from volery.experiments.swarm import remote
+from volery.experiments.swarm import running_swarm as remote
 from volery.experiments.twin import recorded
 from volery.transport.faults import Hog
 

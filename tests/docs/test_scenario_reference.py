@@ -13,14 +13,14 @@ import pytest
 from ruamel.yaml import YAML
 
 from volery import topologies
-from volery.agents.altitude.parameters import AltitudeEkfParameters
-from volery.agents.attitude.parameters import AttitudeParameters
+from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
+from volery.agents.attitude.attitude_unit_settings import AttitudeParameters
 from volery.agents.beacon import BeaconParameters
+from volery.agents.dfa.dfa_settings import DfaParameters
 from volery.agents.dfa.kalman import DfaKalmanParameters
-from volery.agents.dfa.parameters import DfaParameters
 from volery.agents.fusion.tracker import TrackerParameters
-from volery.agents.mav.parameters import Filtering, Frames, Leg, MavParameters, Messages
-from volery.agents.mhe.parameters import MheParameters
+from volery.agents.mav.mav_settings import Filtering, Frames, Leg, MavParameters, Messages
+from volery.agents.mhe.mhe_settings import MheParameters
 from volery.agents.sensor_node import SensorNodeParameters
 from volery.errors import BadInput
 from volery.estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot

@@ -13,7 +13,7 @@ import pytest
 import volery
 from volery.experiments.cli.app import app
 from volery.experiments.sweeps.axes import axis_of
-from volery.experiments.sweeps.plan import SweepPlan, plan_sweep
+from volery.experiments.sweeps.sweep_plan import SweepPlan, plan_sweep
 
 from .conftest import DOCS, blocks, typed
 
@@ -70,7 +70,7 @@ def test_the_python_of_the_page_plans_a_sweep(monkeypatch: pytest.MonkeyPatch) -
 def test_columns_of_the_page_are_columns() -> None:
     """What the table of columns names for links is measured."""
     from volery.experiments.scenario.load import compile_plan, load_scenario
-    from volery.experiments.sweeps.run import measure
+    from volery.experiments.sweeps.sweep_runs import measure
     from volery.experiments.twin import recorded
 
     measured = measure(recorded(compile_plan(load_scenario("dfa4", ["duration=0.2 s"]))))

@@ -14,7 +14,7 @@ from volery.agents.process import Pace
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Ending, Swarm
 
 LIMIT_S = 90

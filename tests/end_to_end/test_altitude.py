@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from volery.agents.plan import Plan
 from volery.experiments.analysis.accounting import account, total
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 

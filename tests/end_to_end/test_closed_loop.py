@@ -9,7 +9,7 @@ from typing import Any
 
 from volery.agents.plan import WORLD, Plan
 from volery.experiments.analysis.accounting import account
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 
@@ -22,7 +22,7 @@ def test_a_formation_in_lockstep_equals_its_twin(plan_of: Callable[..., Plan]) -
     record, ending = run_swarm(plan_of("mav3", "duration=2.5 s", "links.loss.bernoulli=0.3", f"faults={faults}"))
     assert ending.problems == ()
     assert {name for name, _ in record.batches} == {"1", "2", "3", WORLD}
-    assert len(record.beside["positions"].time_ns) == 75
+    assert len(record.world_reports["positions"].time_ns) == 75
     assert len(record.estimates("formation")["1"].time_ns) > 70
     assert [departure.what for departure in compare(record, replay(record), 0.0)] == []
     assert all(link.closes for link in account(record).values())

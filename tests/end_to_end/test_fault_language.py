@@ -14,8 +14,8 @@ from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Record
-from volery.experiments.swarm.desk import Desk
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.control_server import ControlServer
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import from_plain
@@ -84,8 +84,8 @@ def test_every_kind_live_in_lockstep(plan_of: PlanOf) -> None:
     process = injected(record, "f7")
     assert len(process) > 10
     assert {fault.id for fault in process if fault.at_ns > cleared["f4.1"]} <= set(cleared)
-    assert all(fault.id in {held.id for held in record.faults_that_held} for fault in paused)
-    assert len(record.faults_that_held) < len(record.faults)
+    assert all(fault.id in {held.id for held in record.faults_in_effect} for fault in paused)
+    assert len(record.faults_in_effect) < len(record.faults)
     lost = [links.lost for links in account(record).values()]
     assert sum(causes.get("cut", 0) for causes in lost) > 0
     assert_replayed(record)
@@ -156,7 +156,7 @@ def test_from_python_and_what_the_answer_notes(plan_of: PlanOf, tmp_path: Path) 
     plan = plan_of("beacons", "duration=600 s", "faults=[]", "agents.talkers=[1]")
 
     async def ask(swarm: Swarm, injector: Injector) -> None:
-        desk = asyncio.create_task(Desk(swarm, injector).serve(Keys("test"), tmp_path))
+        control_server = asyncio.create_task(ControlServer(swarm, injector).serve(Keys("test"), tmp_path))
         await until((tmp_path / "control.json").exists)
         other = plan.agent("1").neighbours[0]
         await until(lambda: ("1", other) in swarm.status.used)
@@ -171,7 +171,7 @@ def test_from_python_and_what_the_answer_notes(plan_of: PlanOf, tmp_path: Path) 
             await asyncio.to_thread(remote.inject, {"cut": f"1>{other}"})
         assert await asyncio.to_thread(remote.restore, f"1-{other}") == "cleared f1, f2"
         assert await asyncio.to_thread(remote.stop) == "the run ends"
-        desk.cancel()
+        control_server.cancel()
 
     _, ending = run_swarm(plan, "lockstep", ask)
     assert ending.problems == ()

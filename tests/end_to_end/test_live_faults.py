@@ -13,7 +13,7 @@ import pytest
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Kill

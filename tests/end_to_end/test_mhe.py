@@ -7,7 +7,7 @@ from collections.abc import Callable
 from volery.agents.mhe.estimator import COUNTS
 from volery.agents.plan import Plan
 from volery.experiments.analysis.accounting import account
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 

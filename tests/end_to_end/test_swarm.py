@@ -17,7 +17,7 @@ from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
 from volery.experiments.analysis.accounting import account, total
 from volery.experiments.record.record import Record
-from volery.experiments.swarm.live import Injector
+from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
 from volery.experiments.verify import compare, replay
 from volery.transport import zenoh_session as zs

@@ -16,7 +16,7 @@ from volery.estimators.averages.chebyshev import chebyshev_bound, chebyshev_law
 from volery.estimators.averages.gossip import gossip_law
 from volery.estimators.averages.laws import ConsensusLaw
 from volery.estimators.averages.synchronous import synchronous_rounds
-from volery.estimators.metrics import contraction
+from volery.estimators.error_measures import contraction
 from volery.randomness import stream
 from volery.topologies import agents, complete, geometric, natural_key, ring, star, weight_matrix
 

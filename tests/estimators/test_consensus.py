@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.estimators.averages.averaging import weighted_average
-from volery.estimators.flying_array.consensus import estimate, initial_pair, metropolis_round
 from volery.estimators.flying_array.least_squares import centralised_estimate
+from volery.estimators.flying_array.metropolis import estimate, initial_pair, metropolis_round
 from volery.estimators.flying_array.plane import design_row
 from volery.estimators.information import InformationPair, pack_pair, unpack_pair
 from volery.randomness import stream

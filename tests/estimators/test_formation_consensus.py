@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.estimators import metrics
-from volery.estimators.formation.consensus import ConsensusFilter, ConsensusSettings, Delay, Fusion
+from volery.estimators import error_measures as metrics
 from volery.estimators.formation.control import control, regulator
 from volery.estimators.formation.filter import Form, FormationFilter, Observation, sighting
-from volery.estimators.formation.messages import FullMessage, History, Message, PairMessage, run_forward
+from volery.estimators.formation.formation_consensus import ConsensusFilter, ConsensusSettings, Delay, Fusion
+from volery.estimators.formation.formation_messages import FullMessage, History, Message, PairMessage, run_forward
 from volery.estimators.formation.model import FormationModel
 from volery.randomness import Stream, stream
 

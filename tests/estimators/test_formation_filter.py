@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from volery.errors import BadInput
-from volery.estimators import metrics
+from volery.estimators import error_measures as metrics
 from volery.estimators.formation.filter import Form, FormationFilter, Observation, sighting
 from volery.estimators.formation.model import FormationModel, Pair
 from volery.randomness import stream

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from volery.estimators.formation.filter import FormationFilter, Observation
+from volery.estimators.formation.formation_messages import bound_of
 from volery.estimators.formation.intersection import LEAST_WEIGHT, fast_weight, intersect, optimal_weight
-from volery.estimators.formation.messages import bound_of
 from volery.estimators.formation.model import FormationModel
 from volery.randomness import stream
 

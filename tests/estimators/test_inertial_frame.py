@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from volery import rotations as rot
 from volery.errors import BadInput
-from volery.estimators import metrics
+from volery.estimators import error_measures as metrics
 from volery.estimators.frames.inertial_frame import (
     LONGEST_STEP_S,
     ImuEstimate,

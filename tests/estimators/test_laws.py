@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from volery.errors import BadInput
 from volery.estimators.averages.laws import LAWS, ConsensusLaw
 from volery.estimators.averages.running_sum import running_sum_round, running_sum_start
-from volery.estimators.flying_array.consensus import estimate, initial_pair
 from volery.estimators.flying_array.least_squares import centralised_estimate
+from volery.estimators.flying_array.metropolis import estimate, initial_pair
 from volery.estimators.information import pack_pair, unpack_pair
 from volery.randomness import stream
 from volery.topologies import agents, complete, metropolis, natural_key, positions, random_hexagonal

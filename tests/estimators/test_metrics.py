@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from volery.errors import BadInput
-from volery.estimators import metrics
+from volery.estimators import error_measures as metrics
 from volery.randomness import stream
 from volery.rotations import angle_between, exp_quaternion, quaternion_product
 from volery.topologies import agents, contraction, metropolis, random_hexagonal, weight_matrix

@@ -9,7 +9,7 @@ from volery.errors import BadInput
 from volery.estimators.flying_array.least_squares import centralised_estimate
 from volery.estimators.flying_array.plane import design_matrix, design_row, exact_state
 from volery.topologies import four_module_array, positions, random_hexagonal
-from volery.worlds.plane.world import distances
+from volery.worlds.plane.plane_world import distances
 
 FOUR = list(positions(four_module_array(0.25)).values())
 

@@ -6,11 +6,11 @@ from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
 
-from volery.experiments.sweeps.plan import Job, SweepPlan, plan_sweep
 from volery.experiments.sweeps.pools import Done, Pool
-from volery.experiments.sweeps.results import Sweep
-from volery.experiments.sweeps.run import run_job
 from volery.experiments.sweeps.sweep import SweepOptions, run_sweep
+from volery.experiments.sweeps.sweep_plan import Job, SweepPlan, plan_sweep
+from volery.experiments.sweeps.sweep_results import Sweep
+from volery.experiments.sweeps.sweep_runs import run_job
 
 OVER = ("links.loss.bernoulli=0,0.5", "agents.estimator=running-sum,metropolis-least-squares")
 SHORT = ("duration=0.4 s",)

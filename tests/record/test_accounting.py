@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from volery.agents.journal import Batch, Dropped, Late
 from volery.agents.plan import Plan
 from volery.experiments.analysis.accounting import LinkAccount, account, total
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
-from volery.experiments.record.stories import stories
 from volery.transport.faults import Kill, LinkFault, Pause, to_plain
 from volery.transport.latencies import Normal
 from volery.transport.links import LinkSettings, Queue
@@ -201,7 +201,7 @@ def test_late_frames_and_incarnations_are_kept_apart(record_of: Make, sent: Make
     one = of_link(record)
     assert one.closes
     assert (one.offered, one.delivered, one.late) == (2, 2, 1)
-    assert [story.behind_ns for story in stories(record)[LINK]] == [None, 9 * MS]
+    assert [story.behind_ns for story in frame_fates(record)[LINK]] == [None, 9 * MS]
 
 
 def test_broken_off_run_has_no_missing_frames(plan_of: Make, sent: Make, heard: Make) -> None:

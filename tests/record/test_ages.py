@@ -12,8 +12,8 @@ import pytest
 from volery.agents.journal import Batch, Late
 from volery.agents.plan import Plan
 from volery.experiments.analysis.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
-from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
@@ -25,7 +25,7 @@ Make = Callable[..., Any]
 
 def course_of(record: Record) -> AgeCourse:
     """The age of information at "2" of "1"."""
-    return age_courses(record, stories(record))[LINK]
+    return age_courses(record, frame_fates(record))[LINK]
 
 
 def test_age_falls_to_the_travel_time_at_each_delivery(record_of: Make, sent: Make, heard: Make) -> None:

@@ -34,7 +34,7 @@ class Surveyor(Agent):
     """Says each 100 ms that itself is at (t, 1) and the other at (t, 3), t in seconds, known to 0.2 m and 0.1 m."""
 
     relative = False
-    aside = frozenset({"spread"})
+    diagnostics = frozenset({"spread"})
 
     def start(self) -> None:
         """Begin at once."""
@@ -157,7 +157,7 @@ def test_fixed_places_are_those_of_the_topology(placed: Record) -> None:
 
 def test_places_in_a_coupled_world_are_those_that_it_wrote_down(placed: Record) -> None:
     """Rows of `positions`, in natural order, and between two of them on the straight line."""
-    plan = replace(placed.plan, beside=(AgentPlan(WORLD, "coupled-world", None, (), {}),))
+    plan = replace(placed.plan, world_agents=(AgentPlan(WORLD, "coupled-world", None, (), {}),))
     written = [Estimate(ms * MS, "positions", ms, [ms, 0.0, 9.0, 5.0, 5.0, 9.0]) for ms in (100, 200)]
     view = PlanView(Record(plan, {(WORLD, 0): Batch(WORLD, 0, estimates=written)}, placed.events, {}, False))
     for ms, x in ((0, 100.0), (125, 125.0), (200, 200.0), (900, 200.0)):

@@ -13,8 +13,8 @@ from volery.agents.plan import Plan
 from volery.experiments.analysis.airtime import airtime_utilisation
 from volery.experiments.analysis.channels import Channel, channels
 from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
-from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, Normal, Uniform
 from volery.transport.links import Bucket, LinkSettings, Queue
@@ -54,7 +54,7 @@ def everything(plan_of: Make, twin_run: TwinRun, runs: dict[str, Record]) -> Rec
 
 def of_link(record: Record) -> Channel:
     """What was asked of 1→2 and what was got."""
-    return channels(record, stories(record))[LINK]
+    return channels(record, frame_fates(record))[LINK]
 
 
 def decisions(record: Record) -> dict[str, str]:
@@ -129,7 +129,7 @@ def test_settings_are_read_when_the_transmission_starts(plan_of: Make, twin_run:
     fault = LinkFault("t1", 500 * MS, None, (LINK,), {"loss": (Bernoulli(1.0),)})
     cut = LinkFault("t2", 500 * MS, None, (LINK[::-1],), {"cut": True})
     record = twin_run(plan_of([LINK], 1000, settings=links, faults=(fault, cut)))
-    found = channels(record, stories(record))
+    found = channels(record, frame_fates(record))
     one, back = found[LINK], found[LINK[::-1]]
     assert one.frames == 19  # sent 1 ms after 50, 100, … 950 ms
     assert one.loss.asked == one.loss.got == pytest.approx(10 / 19)
@@ -141,7 +141,7 @@ def test_what_the_medium_destroys_is_not_compared(plan_of: Make, twin_run: TwinR
     """Both ends always talk at once and hear nothing; the loss models lost nothing."""
     settings = LinkSettings(medium=HalfDuplex(), rate=20_000.0, latency=Constant(5 * MS))
     record = twin_run(plan_of([LINK], settings=settings))
-    assert {frame.fate for frame in stories(record)[LINK]} == {"half-duplex"}
+    assert {frame.fate for frame in frame_fates(record)[LINK]} == {"half-duplex"}
     assert (of_link(record).loss.got, of_link(record).loss.decision) == (0.0, "within")
 
 
@@ -195,4 +195,4 @@ def test_airtime_of_each_medium(plan_of: Make, medium: Medium, used: dict[str, f
     collector(Batch("2", 0, sent=[Sent("1", 0, 30, 500 * MS, 30 * MS, 535 * MS, "delivered")]))
     collector.event({"event": "finished", "time_ns": 1000 * MS})
     record = collector.record(plan_of([LINK, ("1", "3")], settings=LinkSettings(medium=medium)))
-    assert airtime_utilisation(record, stories(record)) == pytest.approx(used)
+    assert airtime_utilisation(record, frame_fates(record)) == pytest.approx(used)

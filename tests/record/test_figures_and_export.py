@@ -21,10 +21,10 @@ from volery.errors import BadInput
 from volery.experiments.analysis import export
 from volery.experiments.analysis.accounting import account
 from volery.experiments.analysis.ages import age_courses, age_metrics
-from volery.experiments.figures import of_runs as figures
+from volery.experiments.figures import run_figures as figures
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
-from volery.experiments.record.stories import stories
 from volery.transport.faults import LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -119,7 +119,7 @@ def test_links_show_what_came_through(record: Record) -> None:
     array = figure.axes[0].images[0].get_array()
     assert array is not None
     shown = np.ma.filled(array, np.nan)
-    frames = stories(record)["1", "2"]
+    frames = frame_fates(record)["1", "2"]
     assert shown[0, 1] == pytest.approx(100 * np.mean([frame.fate == "delivered" for frame in frames]))
     assert np.isnan(shown).tolist() == [[True, False, True], [False, True, False], [True, False, True]]
 
@@ -127,7 +127,7 @@ def test_links_show_what_came_through(record: Record) -> None:
 def test_ages_peak_in_the_cut(record: Record) -> None:
     """All links, their median and the oldest, in ms: 1–2 is cut for 0.2 s and hears nothing new."""
     figure = Figure()
-    ages = age_courses(record, stories(record))
+    ages = age_courses(record, frame_fates(record))
     figures.draw_ages(record, ages, figure)
     (axes,) = figure.axes
     assert (axes.get_yscale(), axes.get_ylabel()) == ("log", "age of information (ms)")
@@ -202,7 +202,7 @@ def test_npz_holds_flat_arrays(tmp_path: Path, record: Record) -> None:
     with np.load(path) as arrays:
         assert arrays["estimate.value"].shape == arrays["estimate.truth"].shape == (reports, 2)
         assert set(arrays["estimate.agent"]) == {"1", "2", "3"}
-        frames = [frame for link in stories(record).values() for frame in link]
+        frames = [frame for link in frame_fates(record).values() for frame in link]
         assert arrays["frames.fate"].tolist() == [frame.fate for frame in frames]
         assert set(arrays["frames.dropped_ns"]) == {-1}
 

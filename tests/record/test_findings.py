@@ -10,8 +10,8 @@ from rich.console import Console
 
 from volery.agents.agent import Agent, Finding, RunData, Timer
 from volery.agents.plan import Plan
+from volery.experiments.analysis.metric_tables import metrics_tables
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
-from volery.experiments.analysis.tables import metrics_tables
 from volery.experiments.record.record import Record
 from volery.units import period_ns
 
@@ -19,7 +19,7 @@ from volery.units import period_ns
 class Counter(Agent):
     """Counts its timers, notes every third, and reports its doubts aside."""
 
-    aside = frozenset({"doubt"})
+    diagnostics = frozenset({"doubt"})
 
     def start(self) -> None:
         """Begin."""

@@ -11,7 +11,7 @@ import pytest
 from volery.errors import BadInput
 from volery.experiments.analysis.export import export
 from volery.experiments.analysis.metrics import write_metrics
-from volery.experiments.figures.of_runs import plot
+from volery.experiments.figures.run_figures import plot
 from volery.experiments.figures.space_time import plot_space_time
 from volery.experiments.record.record import Collector, load
 from volery.experiments.record.recorder import Recorder

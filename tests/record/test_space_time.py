@@ -16,8 +16,8 @@ from volery.agents.journal import Batch, Dropped, Late
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.figures.space_time import MOST_FRAMES, Window, choose_window, draw_space_time, plot_space_time
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
-from volery.experiments.record.stories import stories
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
@@ -30,7 +30,7 @@ Make = Callable[..., Any]
 def drawn(record: Record, until_ms: int = 100) -> tuple[Axes, list[Line2D]]:
     """The axes of the diagram of the first so many milliseconds, and the marks of its legend."""
     axes = Figure().subplots()
-    return axes, draw_space_time(axes, record, stories(record), Window(0, until_ms * MS, ("1", "2")))
+    return axes, draw_space_time(axes, record, frame_fates(record), Window(0, until_ms * MS, ("1", "2")))
 
 
 def marks(axes: Axes, shape: str) -> list[tuple[float, float]]:
@@ -116,12 +116,12 @@ def record(plan_of: Make, twin_run: Callable[[Plan], Record]) -> Record:
 
 def frames_in(record: Record, window: Window) -> int:
     """How many frames a window shows."""
-    return sum(window.shows(frame) for frames in stories(record).values() for frame in frames)
+    return sum(window.shows(frame) for frames in frame_fates(record).values() for frame in frames)
 
 
 def test_window_is_chosen_about_the_first_fault(record: Record) -> None:
     """Some forty frames, most of them after its start."""
-    window = choose_window(record, stories(record), (None, None))
+    window = choose_window(record, frame_fates(record), (None, None))
     assert window.from_ns < 5000 * MS < window.until_ns
     assert 5000 * MS - window.from_ns < window.until_ns - 5000 * MS
     assert 36 <= frames_in(record, window) <= 44
@@ -130,7 +130,7 @@ def test_window_is_chosen_about_the_first_fault(record: Record) -> None:
 
 def test_open_ends_of_a_window_are_chosen(record: Record) -> None:
     """What is given holds; some forty frames after the beginning, or before the end."""
-    told = stories(record)
+    told = frame_fates(record)
     later = choose_window(record, told, (2000 * MS, None))
     assert later.from_ns == 2000 * MS
     assert 36 <= frames_in(record, later) <= 44
@@ -145,10 +145,10 @@ def test_open_ends_of_a_window_are_chosen(record: Record) -> None:
 def test_more_frames_than_can_be_told_apart(plan_of: Make, twin_run: Callable[[Plan], Record]) -> None:
     """The message says how many there are, and how to narrow the window."""
     record = twin_run(plan_of([LINK], 80_000))
-    count = sum(map(len, stories(record).values()))
+    count = sum(map(len, frame_fates(record).values()))
     assert count > MOST_FRAMES
     with pytest.raises(BadInput, match=rf"{count:,} frames are in the window.*narrow it with --from"):
-        choose_window(record, stories(record), (0, record.last_ns))
+        choose_window(record, frame_fates(record), (0, record.last_ns))
 
 
 def test_files_with_fonts_that_journals_take(tmp_path: Path, record: Record) -> None:

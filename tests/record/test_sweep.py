@@ -18,10 +18,10 @@ import pytest
 import volery
 from volery.errors import BadInput, RunFailed
 from volery.experiments.analysis.statistics import mean_interval
-from volery.experiments.sweeps.plan import SweepPlan, plan_sweep
 from volery.experiments.sweeps.pools import dask_pool
-from volery.experiments.sweeps.results import Journal, Row, Sweep, load_sweep
 from volery.experiments.sweeps.sweep import Advance, SweepOptions, run_sweep
+from volery.experiments.sweeps.sweep_plan import SweepPlan, plan_sweep
+from volery.experiments.sweeps.sweep_results import Journal, Row, Sweep, load_sweep
 
 from .sweeping import OVER, SHORT, Counting, planned, swept
 

@@ -9,10 +9,18 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.sweeps.compare import Entry, check_measure, contests, default_by, defined, entries, main_measure
-from volery.experiments.sweeps.plan import SweepPlan, SweptAxis, SweptCell
-from volery.experiments.sweeps.results import Row, Sweep
-from volery.experiments.sweeps.tables import contest_table, notes, short_names, to_plain, too_few_seeds
+from volery.experiments.sweeps.significance import (
+    Entry,
+    check_measure,
+    contests,
+    default_by,
+    defined,
+    entries,
+    main_measure,
+)
+from volery.experiments.sweeps.sweep_plan import SweepPlan, SweptAxis, SweptCell
+from volery.experiments.sweeps.sweep_results import Row, Sweep
+from volery.experiments.sweeps.sweep_tables import contest_table, notes, short_names, to_plain, too_few_seeds
 
 SEEDS = range(10)
 ERROR = "x.oracle_error.steady_rms"

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from volery.errors import BadInput
-from volery.experiments.figures import of_runs as figures
-from volery.experiments.sweeps import figures as sweep_figures
-from volery.experiments.sweeps.figures import BYTES, chart_of, pareto_front, plot_sweep
-from volery.experiments.sweeps.plan import SweepPlan, SweptAxis, SweptCell
-from volery.experiments.sweeps.results import Row, Sweep
+from volery.experiments.figures import run_figures as figures
+from volery.experiments.sweeps import sweep_figures
+from volery.experiments.sweeps.sweep_figures import BYTES, chart_of, pareto_front, plot_sweep
+from volery.experiments.sweeps.sweep_plan import SweepPlan, SweptAxis, SweptCell
+from volery.experiments.sweeps.sweep_results import Row, Sweep
 
 ERROR = "x.oracle_error.steady_rms"
 LOSS = SweptAxis("links.loss", ("0", "0.5"), (0.0, 0.5), "")

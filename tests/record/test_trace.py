@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from volery.agents.journal import Batch, Dropped, Late
-from volery.experiments.analysis.trace import FATES, Selection, trace
+from volery.experiments.analysis.frame_trace import FATES, Selection, trace
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
 

@@ -9,7 +9,7 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
-from volery.experiments.scenario.fitting import settings_problems
+from volery.experiments.scenario.consistency import settings_problems
 from volery.experiments.scenario.load import Scenario
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
-from volery.experiments.scenario.contradictions import vain_faults
+from volery.experiments.scenario.fault_conflicts import vain_faults
 from volery.experiments.scenario.validate import validate_plan, validation_table
 from volery.transport.faults import SensorFault
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.experiments.scenario.reading import assign, parse, plain
+from volery.experiments.scenario.yaml_document import assign, parse, plain
 from volery.transport.latencies import Constant, Uniform
 from volery.transport.losses import Bernoulli, GilbertElliott
 from volery.transport.media import FullDuplex

@@ -11,7 +11,7 @@ from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.link_schema import link_changes
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
-from volery.experiments.scenario.traces import read_trace
+from volery.experiments.scenario.trace_files import read_trace
 from volery.transport.latencies import LatencyTrace
 from volery.transport.losses import Distance, LossTrace
 

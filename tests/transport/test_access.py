@@ -7,8 +7,8 @@ from itertools import chain, product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volery.transport.access import access_control
-from volery.transport.keys import OPERATOR, Keys
+from volery.transport.keys import CONTROL_CLIENT, Keys
+from volery.transport.zenoh_access_control import access_control
 
 RUN = Keys("run")
 NAMES = [str(number) for number in range(1, 7)]
@@ -86,9 +86,9 @@ def test_agents_speak_for_themselves_only(graph: Graph) -> None:
 def test_the_operator_asks_the_supervisor_and_nobody_else() -> None:
     """A command line on a running swarm cannot put frames, nor give orders to agents."""
     router = Router({"1": ["2"], "2": ["1"]})
-    assert router.allows(OPERATOR, "query", "ingress", RUN.supervisor())
-    assert not router.allows(OPERATOR, "query", "ingress", RUN.control("1", 0))
-    assert not router.allows(OPERATOR, "put", "ingress", RUN.link("1", "2"))
+    assert router.allows(CONTROL_CLIENT, "query", "ingress", RUN.supervisor())
+    assert not router.allows(CONTROL_CLIENT, "query", "ingress", RUN.control("1", 0))
+    assert not router.allows(CONTROL_CLIENT, "put", "ingress", RUN.link("1", "2"))
     assert not router.allows("1", "query", "ingress", RUN.supervisor())
 
 

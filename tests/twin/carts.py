@@ -83,7 +83,7 @@ class RunningCarts:
         return found
 
 
-class Onlooker:
+class CentralEstimator:
     """Knows all gauges, and how often anybody pushed."""
 
     def __init__(self, agents: tuple[str, ...]) -> None:
@@ -130,9 +130,9 @@ class Driver(Agent):
         self.places[frame.source] = float(np.frombuffer(frame.payload)[0])
 
     @classmethod
-    def onlooker(cls, plan: Plan) -> Onlooker:
+    def central_estimator(cls, plan: Plan) -> CentralEstimator:
         """The gauges of all."""
-        return Onlooker(tuple(agent.name for agent in plan.agents))
+        return CentralEstimator(tuple(agent.name for agent in plan.agents))
 
 
 class SteadyDriver(Driver):

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from volery.agents.beginning import Beginning
 from volery.agents.lockstep import Lockstep
 from volery.agents.node import Node
 from volery.agents.plan import Plan
+from volery.agents.run_start import RunStart
 from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import Fault, Kill, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
@@ -40,14 +40,14 @@ class Network:
         self._intervening = False
         self._live: dict[str, Fault] = {}
         self._collector = Collector()
-        self._subscribed = {agent.name for agent in plan.everybody}
+        self._subscribed = {agent.name for agent in plan.all_agents}
         self._over: set[tuple[str, int]] = set()
         self._outside: set[tuple[str, int]] = set()
         self._standing_by: set[str] = set()
         self.done: set[str] = set()
         self.pacers: dict[str, Lockstep] = {}
         self.nodes: dict[str, Node] = {}
-        for agent in plan.everybody:
+        for agent in plan.all_agents:
             self._make(agent.name)
 
     def _make(self, name: str, incarnation: int = 0, start_ns: int = 0, saved: bytes | None = None) -> None:
@@ -102,7 +102,7 @@ class Network:
         for fault in self._live.values():
             self.nodes[name].arm(fault)
         gone = tuple(self._outside)
-        self.pacers[name].begin(self.nodes[name], Beginning(0, self._plan.duration_ns, self._interventions, gone))
+        self.pacers[name].begin(self.nodes[name], RunStart(0, self._plan.duration_ns, self._interventions, gone))
 
     def _write(self, source: str) -> Callable[[str, Message], None]:
         def write(outlet: str, frame: Message) -> None:
@@ -127,7 +127,7 @@ class Network:
     def start(self) -> None:
         """Bring all nodes to life."""
         for name, pacer in self.pacers.items():
-            pacer.begin(self.nodes[name], Beginning(0, self._plan.duration_ns))
+            pacer.begin(self.nodes[name], RunStart(0, self._plan.duration_ns))
 
     def deliver(self) -> bool:
         """Deliver some of what is on one link, or wake somebody up; False when nothing is left to do."""

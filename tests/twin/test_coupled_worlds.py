@@ -13,7 +13,7 @@ from volery.agents.agent import Agent
 from volery.agents.coupled_world import couple
 from volery.agents.journal import MISSED, Late
 from volery.agents.plan import WORLD, Plan
-from volery.agents.sensing import Disturbances, measured
+from volery.agents.sensor_samples import Disturbances, measured
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.record import Record
@@ -76,7 +76,7 @@ def test_commands_move_the_world_after_their_delays(loop: Callable[..., Plan], t
     pushed = [note["time_ns"] for note in record.notes if note["what"] == "pushed" and note["cart"] == "1"]
     compute_ns = record.plan.agents[0].compute_ns
     assert pushed[:2] == [4 * MS + compute_ns + 3 * MS, 24 * MS + compute_ns + 3 * MS]
-    places = record.beside["places"]
+    places = record.world_reports["places"]
     assert places.time_ns[:3].tolist() == [0, 40 * MS, 80 * MS]
     assert places.value[0].tolist() == [1.0, 2.0, 3.0]
     gap = places.value[:, 2] - places.value[:, 0]
@@ -84,16 +84,16 @@ def test_commands_move_the_world_after_their_delays(loop: Callable[..., Plan], t
 
 
 def test_truth_and_oracle_are_what_the_world_wrote_down(loop: Callable[..., Plan], twin_run: Twin) -> None:
-    """Estimates stand beside the true places of the same index, and beside what the onlooker knew then."""
+    """Estimates stand beside the true places of the same index, and beside what the central_estimator knew then."""
     record = twin_run(loop())
     assert record.quantities() == ("places",)
     seen = samples(record, "places")
     assert seen.agents == ("1", "2", "3")
-    index = {sample: row for row, sample in enumerate(record.beside["places"].sample.tolist())}
+    index = {sample: row for row, sample in enumerate(record.world_reports["places"].sample.tolist())}
     rows = [index[sample] for sample in seen.index.tolist()]
     for agent in range(3):
-        np.testing.assert_array_equal(seen.truth[:, agent], record.beside["places"].value[rows])
-        np.testing.assert_array_equal(seen.oracle[:, agent], record.beside["oracle places"].value[rows])
+        np.testing.assert_array_equal(seen.truth[:, agent], record.world_reports["places"].value[rows])
+        np.testing.assert_array_equal(seen.oracle[:, agent], record.world_reports["oracle places"].value[rows])
     own = seen.estimate[:, [0, 1, 2], [0, 1, 2]]
     np.testing.assert_array_equal(own, seen.oracle[:, 0, :])
 
@@ -145,7 +145,7 @@ def test_a_world_goes_on_when_everybody_is_dead(loop: Callable[..., Plan], twin_
     """The truth is written down to the end."""
     faults = tuple(Kill(f"k{name}", 100 * MS, None, name) for name in "123")
     record = twin_run(replace(loop(duration_ms=400), faults=faults))
-    assert record.beside["places"].time_ns[-1] == 360 * MS
+    assert record.world_reports["places"].time_ns[-1] == 360 * MS
 
 
 def test_samples_of_closed_loops_suffer_the_same_faults(loop: Callable[..., Plan]) -> None:

@@ -96,7 +96,7 @@ def test_the_twin_computes_on_one_thread_as_agents_processes_do(
     assert told == [[1.0, 1.0], [1.0, 1.0]]
 
 
-def stories(record: Record, link: tuple[str, str]) -> list[Any]:
+def frame_fates(record: Record, link: tuple[str, str]) -> list[Any]:
     """When the frames of a link started and what became of them, as the sender's draws say."""
     return [sent[1:] for sent in record.batches[link[0], 0].sent if sent.target == link[1]]
 
@@ -123,9 +123,9 @@ def test_another_agent_shifts_no_draw(lossy: Callable[..., Plan], twin_run: Call
     """Frames of links that were there before start, fare and arrive as before; their payloads may differ in size."""
     before, after = twin_run(lossy(("1", "2"), ("2", "3"))), twin_run(lossy(("1", "2"), ("2", "3"), ("3", "4")))
     for link in (("1", "2"), ("2", "1")):
-        assert stories(before, link) == stories(after, link)
-        assert len(stories(before, link)) > 30
-    assert {story[-1] for story in stories(after, ("1", "2"))} == {0, 1}
+        assert frame_fates(before, link) == frame_fates(after, link)
+        assert len(frame_fates(before, link)) > 30
+    assert {story[-1] for story in frame_fates(after, ("1", "2"))} == {0, 1}
 
 
 def test_a_fault_shifts_no_draw_of_another_link(lossy: Callable[..., Plan], twin_run: Callable[[Plan], Record]) -> None:
@@ -138,5 +138,5 @@ def test_a_fault_shifts_no_draw_of_another_link(lossy: Callable[..., Plan], twin
         Pause("t3", 300 * MS, 350 * MS, "3"),
     )
     before, after = twin_run(plan), twin_run(replace(plan, faults=faults))
-    assert stories(before, ("1", "2")) == stories(after, ("1", "2"))
-    assert stories(before, ("2", "3")) != stories(after, ("2", "3"))
+    assert frame_fates(before, ("1", "2")) == frame_fates(after, ("1", "2"))
+    assert frame_fates(before, ("2", "3")) != frame_fates(after, ("2", "3"))

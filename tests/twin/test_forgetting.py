@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from volery.agents import hearing
+from volery.agents import receiver
 from volery.agents.agent import Agent
 from volery.agents.plan import Plan
 from volery.experiments.record.record import Collector, Record
@@ -38,7 +38,7 @@ def run(of: Plan) -> tuple[Record, Twin]:
 def remembered(twin: Twin) -> int:
     """How many transmissions the node that remembers most has in mind."""
     return max(
-        len(node.hearing.ether) + sum(len(outlet.transceiver) for outlet in node.sending.outlets.values())
+        len(node.receiver.ether) + sum(len(outlet.transceiver) for outlet in node.sender.outlets.values())
         for node in twin.nodes.values()
     )
 
@@ -48,9 +48,9 @@ def remembered(twin: Twin) -> int:
 def test_what_is_forgotten_changes_no_fate(medium: str, faults: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames of 1 to 400 ms, held ones and those of another life meet just what they meet where all is remembered."""
     of = plan(CROWD % "all", medium % SPREAD, "duration=10 s", faults)
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 10**9)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 10**9)
     full, all_of_it = run(of)
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 3)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 3)
     forgetful, some = run(of)
     assert {key: batch.heard for key, batch in forgetful.batches.items()} == {
         key: batch.heard for key, batch in full.batches.items()
@@ -61,7 +61,7 @@ def test_what_is_forgotten_changes_no_fate(medium: str, faults: str, monkeypatch
 @pytest.mark.parametrize("talkers", ["all", "[1]"])
 def test_memory_stays_bounded_over_a_long_run(talkers: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight times as long, as much is remembered in the end, also by who never hears anybody."""
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 16)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 16)
     changes = CROWD % talkers, AIR % "5 ms"
     counts = [remembered(run(plan(*changes, f"duration={seconds} s"))[1]) for seconds in (10, 80)]
     assert max(counts) <= 16 + 4 * 3
@@ -74,9 +74,9 @@ def test_in_lockstep_promises_say_what_can_be_forgotten(
 ) -> None:
     """Whatever the network delivers first, each frame meets what it meets in the twin that remembers everything."""
     of = request.getfixturevalue(kind)(answerer, seed)
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 10**9)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 10**9)
     full, _ = run(of)
-    monkeypatch.setattr(hearing, "TIDY_EVERY", 1)
+    monkeypatch.setattr(receiver, "TIDY_EVERY", 1)
     network = Network(of, seed)
     network.start()
     locked = network.finish()

@@ -12,12 +12,12 @@ import pytest
 
 from volery.errors import BadInput
 from volery.units import period_ns
+from volery.worlds.altitude.altitude_sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
+from volery.worlds.altitude.altitude_world import AltitudeWorld
 from volery.worlds.altitude.room import Obstacle, Room
-from volery.worlds.altitude.sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
 from volery.worlds.altitude.tour import Tour
-from volery.worlds.altitude.world import AltitudeWorld
+from volery.worlds.random_walks import walk
 from volery.worlds.scenario import build
-from volery.worlds.walks import walk
 
 S = 1_000_000_000
 TABLE = Obstacle((2.0, 0.0), (1.2, 0.8), 0.75)

@@ -17,10 +17,10 @@ from volery.topologies import formation
 from volery.units import period_ns
 from volery.worlds.formation.air import Gust, Scripted, Turbulence
 from volery.worlds.formation.camera import Camera
+from volery.worlds.formation.formation_flight import RunningFormation
+from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.imu import Imu
-from volery.worlds.formation.running import RunningFormation
 from volery.worlds.formation.vehicles import GRAVITY, Vehicle
-from volery.worlds.formation.world import FormationWorld
 
 Floats = NDArray[np.float64]
 MS, SECOND = 1_000_000, 1_000_000_000

@@ -10,9 +10,9 @@ import pytest
 from volery.errors import BadInput
 from volery.worlds.formation.air import Gust, Random, Scripted, Turbulence
 from volery.worlds.formation.camera import Camera
+from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.imu import Imu
 from volery.worlds.formation.vehicles import Vehicle
-from volery.worlds.formation.world import FormationWorld
 from volery.worlds.scenario import build
 
 AGENTS = ("1", "2", "3")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.topologies import positions, sixteen_module_array
-from volery.worlds.plane.sensors import GaussianDistance, Infrared
-from volery.worlds.plane.world import PlaneWorld, distances
+from volery.worlds.plane.distance_sensors import GaussianDistance, Infrared
+from volery.worlds.plane.plane_world import PlaneWorld, distances
 from volery.worlds.signals import Constant, Sine, Steps
 
 SECOND = 1_000_000_000

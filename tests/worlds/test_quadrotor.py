@@ -11,7 +11,7 @@ import pytest
 from volery.errors import BadInput
 from volery.rotations import conjugate, log_quaternion, quaternion_product, quaternion_to_euler
 from volery.worlds.quadrotor.flight import GRAVITY, Airframe, Flight, Manoeuvre
-from volery.worlds.quadrotor.sensors import DEVIATIONS, FIELD, RANGES, QuadrotorWorld
+from volery.worlds.quadrotor.quadrotor_sensors import DEVIATIONS, FIELD, RANGES, QuadrotorWorld
 from volery.worlds.scenario import build
 from volery.worlds.signals import Constant, Ramp, Steps
 

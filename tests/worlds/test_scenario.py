@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds.plane.sensors import GaussianDistance, Infrared
-from volery.worlds.plane.world import PlaneWorld
+from volery.worlds.plane.distance_sensors import GaussianDistance, Infrared
+from volery.worlds.plane.plane_world import PlaneWorld
 from volery.worlds.scenario import build
 from volery.worlds.signals import Constant, Sine, Steps
 

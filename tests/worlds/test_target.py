@@ -9,7 +9,7 @@ import pytest
 
 from volery.errors import BadInput
 from volery.worlds.scenario import build
-from volery.worlds.target.world import TargetWorld, process_noise, transition
+from volery.worlds.target.target_world import TargetWorld, process_noise, transition
 
 AGENTS = ("1", "2", "3", "4")
 

@@ -8,10 +8,10 @@ from typing import Any
 from ...errors import BadInput
 from ...topologies import Position
 from ..written import at, check_keys, choice, quantity, required
+from .altitude_sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
+from .altitude_world import AltitudeWorld
 from .room import Obstacle, Room
-from .sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
 from .tour import Tour
-from .world import AltitudeWorld
 
 _FLIGHT = {
     "altitude": "m",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...rotation_columns import norms
 
 if TYPE_CHECKING:
-    from .world import FormationWorld
+    from .formation_world import FormationWorld
 
 Floats = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from ...topologies import Position, formation
 from ..written import at, check_keys, choice, quantity, required
 from .air import Gust, Gusts, Random, Scripted, Turbulence
 from .camera import Camera
+from .formation_world import FormationWorld, headings_to
 from .imu import Imu
 from .vehicles import Vehicle
-from .world import FormationWorld, headings_to
 
 Floats = NDArray[np.float64]
 _VEHICLE = {

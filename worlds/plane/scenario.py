@@ -9,8 +9,8 @@ from ...errors import BadInput
 from ...topologies import Position
 from ..written import at, check_keys, choice, quantity, required
 from ..written_signals import signal
-from .sensors import DistanceSensor, GaussianDistance, Infrared
-from .world import PlaneWorld
+from .distance_sensors import DistanceSensor, GaussianDistance, Infrared
+from .plane_world import PlaneWorld
 
 _KEYS = ("kind", "altitude", "roll", "pitch", "rate", "distance_noise", "sensor", "gyroscope")
 

@@ -11,7 +11,7 @@ from ...topologies import Position
 from ..written import at, check_keys, choice, quantity, required
 from ..written_signals import signal
 from .flight import Airframe, Manoeuvre
-from .sensors import AS_PRINTED, DEVIATIONS, QuadrotorWorld
+from .quadrotor_sensors import AS_PRINTED, DEVIATIONS, QuadrotorWorld
 
 _KEYS = (
     "kind",

@@ -8,7 +8,7 @@ from typing import Any
 from ...errors import BadInput
 from ...topologies import Position
 from ..written import at, check_keys, choice, quantity
-from .world import COORDINATES, TargetWorld
+from .target_world import COORDINATES, TargetWorld
 
 _KEYS = ("kind", "rate", "manoeuvre", "noise", "position", "velocity", "sees")
 _NOTHING = "nothing"

@@ -1,0 +1,55 @@
+"""The command about the links of a scenario."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ...errors import BadInput
+from ..scenario.link_table import fault_words, link_groups, link_tables, to_mapping
+from ..scenario.load import compile_plan, load_scenario
+from ..scenario.presets import PRESETS, preset_table
+from .common_options import Overrides, ScenarioSource
+from .output import output, print_plain
+
+AsJson = Annotated[bool, Parameter("--json", help="Print JSON: the groups, or the presets, with every setting.")]
+Every = Annotated[bool, Parameter("--all", help="List each link on its own, instead of those that are alike together.")]
+Presets = Annotated[bool, Parameter(help="Show the presets instead, with the source of every number.")]
+
+
+def links(
+    scenario: ScenarioSource | None = None,
+    /,
+    *,
+    all_: Every = False,
+    json_: AsJson = False,
+    presets: Presets = False,
+    set_: Overrides = (),
+) -> None:
+    """Show the links of a scenario as they are resolved: medium, airtime, queue, loss, latency, and their faults."""
+    if presets:
+        _show_presets(json_)
+        return
+    if scenario is None:
+        raise BadInput("which scenario? `volery list` shows the built-in ones, a file's name ends in .yaml")
+    plan = compile_plan(load_scenario(scenario, set_))
+    groups = link_groups(plan, every=all_)
+    if json_:
+        words = fault_words(plan)
+        print_plain(json.dumps([to_mapping(group, words) for group in groups], indent=1, ensure_ascii=False))
+        return
+    for table in link_tables(plan, groups):
+        output().print(table)
+
+
+def _show_presets(as_json: bool) -> None:
+    if as_json:
+        print_plain(
+            json.dumps({name: asdict(preset) for name, preset in PRESETS.items()}, indent=1, ensure_ascii=False)
+        )
+        return
+    for name, preset in PRESETS.items():
+        output().print(preset_table(name, preset))

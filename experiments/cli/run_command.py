@@ -1,0 +1,103 @@
+"""`volery run`: a scenario to its metrics and figures, with a live display, or detached from the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ...agents.process import Pace
+from ...errors import BadInput
+from ..analysis.metric_tables import metrics_tables
+from ..analysis.metrics import Metrics
+from ..execution import Engine, Options, Outcome, execute
+from ..scenario.load import Scenario, compile_plan, load_scenario
+from ..scenario.validate import validate_plan
+from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
+from .detach import detached
+from .output import output, print_error, print_plain
+from .run_display import Progress
+
+_STRICT = "End with exit code 3 if the machine could not keep up, or a link did otherwise than it was asked to."
+Strict = Annotated[bool, Parameter(help=_STRICT)]
+Detach = Annotated[bool, Parameter(help="Go on in the background; the command returns when the swarm runs.")]
+FAILED, NOT_CERTIFIED = 1, 3
+_ENGINE = "One process an agent over Zenoh, or all of them in this one."
+_PACE = "By the wall clock, or as fast as the promises of the neighbours allow."
+_SPEED = "Seconds of the run in a second of the clock, in realtime pace."
+_NAME = "Name of the run's folder, instead of time and scenario."
+_LISTEN = "Endpoint of the hub; port 0 takes a free one."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RunOptions(Options):
+    """The options of a run, as the command line shows them."""
+
+    engine: Annotated[Engine, Parameter(help=_ENGINE)] = Options.engine
+    pace: Annotated[Pace, Parameter(help=_PACE)] = Options.pace
+    speed: Annotated[float, Parameter(help=_SPEED)] = Options.speed
+    runs: RunsFolder = RUNS
+    name: Annotated[str | None, Parameter(help=_NAME)] = Options.name
+    listen: Annotated[str, Parameter(help=_LISTEN)] = Options.listen
+    figures: Annotated[bool, Parameter(negative="--no-figures", help="Draw the figures at the end.")] = Options.figures
+
+
+DEFAULT_OPTIONS = RunOptions()
+
+
+def run(
+    scenario: ScenarioSource,
+    /,
+    *,
+    set_: Overrides = (),
+    options: RunOptions = DEFAULT_OPTIONS,
+    strict: Strict = False,
+    detach: Detach = False,
+) -> int:
+    """Run a scenario to its metrics and figures; Ctrl-C ends the run and keeps what was recorded."""
+    read = load_scenario(scenario, set_)
+    plan = compile_plan(read)
+    validate_plan(plan, read.overload)
+    if detach:
+        return detached(_words(scenario, set_, options, strict=strict), options)
+    outcome = _watched(read, options)
+    _print_metrics(outcome.metrics)
+    for problem in outcome.problems:
+        print_error(problem)
+    _print_folder(outcome.folder)
+    if outcome.problems:
+        return FAILED
+    return NOT_CERTIFIED if strict and not outcome.metrics.fidelity.as_asked else 0
+
+
+def _watched(scenario: Scenario, options: Options) -> Outcome:
+    with Progress(output(), scenario.name) as progress:
+        return execute(scenario, options, lambda status: progress.show(status.to_dict()))
+
+
+def _print_metrics(metrics: Metrics) -> None:
+    console = output()
+    for table in metrics_tables(metrics):
+        console.print(table)
+
+
+def _print_folder(folder: Path) -> None:
+    print_plain(f"run      {folder}")
+    for figure in sorted(folder.glob("figures/*")):
+        print_plain(f"figure   {figure}")
+
+
+def _words(scenario: str, overrides: Sequence[str], options: Options, *, strict: bool) -> list[str]:
+    """The same command line for the process in the background."""
+    if options.engine == "twin":
+        raise BadInput("--detach is for swarms over Zenoh: the twin cannot be spoken to while it runs")
+    words = ["run", scenario, "--engine", options.engine, "--pace", options.pace, "--speed", str(options.speed)]
+    words += ["--runs", str(options.runs), "--listen", options.listen]
+    words += [word for override in overrides for word in ("--set", override)]
+    words += [] if options.name is None else ["--name", options.name]
+    words += [] if options.figures else ["--no-figures"]
+    return [*words, "--strict"] if strict else words

@@ -1,0 +1,80 @@
+"""Commands about scenarios: list, show, new, validate."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.syntax import Syntax
+from rich.table import Table
+
+from ...errors import BadInput
+from ..scenario.library import find_source
+from ..scenario.load import (
+    builtin_scenarios,
+    compile_plan,
+    json_schema,
+    load_scenario,
+    new_scenario_text,
+    resolved_yaml,
+)
+from ..scenario.validate import validate_plan, validation_table
+from .common_options import Overrides, ScenarioSource
+from .output import output, print_plain
+
+Resolved = Annotated[bool, Parameter(help="With every default and override written out.")]
+NewName = Annotated[str, Parameter(help="Of the scenario; the file is NAME.yaml, and no file is overwritten.")]
+AsSchema = Annotated[bool, Parameter(help="Print the JSON Schema of scenario files instead, for editors.")]
+
+
+def list_scenarios() -> None:
+    """List the scenarios that come with volery."""
+    table = Table(title="Scenarios", title_justify="left")
+    for column in ("name", "paper", "what it shows"):
+        table.add_column(column, no_wrap=column == "name")
+    for scenario in builtin_scenarios():
+        table.add_row(scenario.name, scenario.paper, scenario.description)
+    output().print(table)
+
+
+def show(scenario: ScenarioSource, /, *, resolved: Resolved = False, set_: Overrides = ()) -> None:
+    """Print the YAML of a scenario."""
+    if set_ and not resolved:
+        raise BadInput("--set changes what is run, not what the file says: add --resolved to see the outcome")
+    text = resolved_yaml(load_scenario(scenario, set_)) if resolved else find_source(scenario).text
+    console = output()
+    if console.is_terminal:
+        console.print(Syntax(text, "yaml", background_color="default", word_wrap=True))
+    else:
+        print_plain(text.rstrip("\n"))
+
+
+def new(name: NewName, /) -> None:
+    """Write a commented scenario to start from."""
+    path = Path(name).with_name(f"{Path(name).name.removesuffix('.yaml')}.yaml")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(new_scenario_text(path.stem))
+    except FileExistsError:
+        raise BadInput(f"{path} exists already: choose another name, no file is overwritten") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        load_scenario(path)
+    except BadInput:
+        path.unlink()
+        raise
+    print_plain(f"{path} is written; `volery validate {path}` checks it, `volery run {path}` runs it")
+
+
+def validate(scenario: ScenarioSource | None = None, /, *, set_: Overrides = (), schema: AsSchema = False) -> None:
+    """Check a scenario and say what it asks for: airtime utilisation of each medium, puts per second."""
+    if schema:
+        print_plain(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        return
+    if scenario is None:
+        raise BadInput("which scenario? `volery list` shows the built-in ones, a file's name ends in .yaml")
+    read = load_scenario(scenario, set_)
+    output().print(validation_table(validate_plan(compile_plan(read), read.overload)))

@@ -1,0 +1,96 @@
+"""`volery sweep`: a scenario over ranges of its fields, many times each, on all cores or a Dask cluster."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from ...errors import BadInput
+from ..analysis.statistics import CONFIDENCE
+from ..execution import Engine
+from ..sweeps.significance import RATHER_LARGE, contests, default_by, defined, entries, main_measure
+from ..sweeps.sweep import SweepOptions
+from ..sweeps.sweep_plan import plan_sweep
+from ..sweeps.sweep_progress import run_shown
+from ..sweeps.sweep_results import TABLE_FILE, Sweep, is_sweep, load_sweep
+from ..sweeps.sweep_tables import contest_table, notes, too_few_seeds
+from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
+from .output import output, print_note, print_plain
+
+INTERRUPTED = 130
+_OVER = (
+    "KEY=RANGE, e.g. links.loss.bernoulli=0:0.8:0.1, agents.rounds=1,3,5, 'links.latency=log(1 ms, 100 ms, 5)'; may be "
+    "given several times, all combinations are run."
+)
+_RANDOM = "So many random combinations instead; ranges may then have no step: 0:0.8, log(1 ms, 100 ms)."
+_REPEAT = "Runs of each combination, with the scenario's seed and those that follow it."
+_ENGINE = "All agents in one process, or one process an agent over Zenoh."
+_PACE = "Over Zenoh sweeps are run in lockstep pace: as fast as they can, and exact."
+_NAME = "Name of the sweep's folder, instead of one that follows from what is swept."
+_WORKERS = "Processes at once; by default one a core, over Zenoh one."
+_SCHEDULER = "Address of a Dask scheduler whose workers do the work, e.g. tcp://10.0.0.1:8786."
+Over = Annotated[tuple[str, ...], Parameter("--over", help=_OVER)]
+Random = Annotated[int | None, Parameter(help=_RANDOM)]
+Pace = Annotated[Literal["lockstep"] | None, Parameter(help=_PACE)]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SweepCommandOptions(SweepOptions):
+    """The options of a sweep, as the command line shows them."""
+
+    repeat: Annotated[int, Parameter(help=_REPEAT)] = SweepOptions.repeat
+    engine: Annotated[Engine, Parameter(help=_ENGINE)] = SweepOptions.engine
+    runs: RunsFolder = RUNS
+    name: Annotated[str | None, Parameter(help=_NAME)] = None
+    workers: Annotated[int | None, Parameter(help=_WORKERS)] = None
+    scheduler: Annotated[str | None, Parameter(help=_SCHEDULER)] = None
+    keep: Annotated[bool, Parameter(help="Keep the folder of each run, in `runs` in the sweep's.")] = False
+    fresh: Annotated[bool, Parameter(help="Drop the results that are there, and begin anew.")] = False
+
+
+DEFAULT_OPTIONS = SweepCommandOptions()
+
+
+def sweep(
+    scenario: ScenarioSource,
+    /,
+    *,
+    over: Over = (),
+    set_: Overrides = (),
+    random: Random = None,
+    pace: Pace = None,
+    options: SweepCommandOptions = DEFAULT_OPTIONS,
+) -> int:
+    """Run a scenario over ranges of its fields, and print who does best.
+
+    The same command goes on where an interrupted sweep was, and adds repetitions to a finished one.
+    """
+    if pace is not None and options.engine == "twin":
+        raise BadInput("--pace is for swarms over Zenoh: add --engine zenoh, or leave it out")
+    plan = plan_sweep(scenario, set_, over, random, options.engine)
+    try:
+        done = run_shown(plan, options, output())
+    except KeyboardInterrupt:
+        if not is_sweep(options.folder(plan)):
+            raise
+        left = load_sweep(options.folder(plan))
+        print_note(
+            f"interrupted after {len(left.rows)} of {len(left.rows) + left.missing} runs: the same command goes on"
+        )
+        return INTERRUPTED
+    _print(done)
+    return 0
+
+
+def _print(sweep: Sweep) -> None:
+    measure = main_measure(defined(sweep))
+    held = contests(entries([sweep], measure), default_by([sweep]), CONFIDENCE, measure in RATHER_LARGE)
+    output().print(contest_table(measure, held, CONFIDENCE))
+    for note in (*notes([sweep]), *too_few_seeds(held)):
+        print_note(note)
+    print_plain(f"sweep    {sweep.folder}")
+    print_plain(f"table    {sweep.folder / Path(TABLE_FILE)}")

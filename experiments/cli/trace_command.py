@@ -1,0 +1,78 @@
+"""`volery trace`: the journal of a run, line by line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ...errors import BadInput
+from ..analysis.frame_trace import FATES, Selection, agents_of, trace
+from ..record.record import Record, load
+from ..scenario.fault_places import parse_links, places_of
+from .common_options import RUNS, RunName, RunsFolder
+from .folders import finished_run
+from .output import print_lines, print_note
+from .window import WHOLE, SpanOptions, known
+
+_LINK = "Only these links: 3-7 both directions, 3>7 one (quote it); several with commas."
+_AGENT = "Only what these agents send, receive or suffer; several with commas."
+_FATE = f"Only frames that became this, several with commas: {', '.join(FATES)} for any loss."
+Links = Annotated[tuple[str, ...], Parameter("--link", help=_LINK)]
+Agents = Annotated[tuple[str, ...], Parameter("--agent", help=_AGENT)]
+Fates = Annotated[tuple[str, ...], Parameter("--fate", help=_FATE)]
+Limit = Annotated[int | None, Parameter("--limit", help="At most so many lines, from the beginning.")]
+AsJson = Annotated[bool, Parameter("--json", help="A JSON object a line, times in nanoseconds.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Filters:
+    """Which lines are wanted."""
+
+    link: Links = ()
+    agent: Agents = ()
+    fate: Fates = ()
+
+    def select(self, record: Record, span: SpanOptions) -> Selection:
+        """The selection that they stand for in a run.
+
+        Raises:
+            BadInput: a link, agent or fate that does not exist, or a span that does not fit.
+        """
+        from_ns, until_ns = span.bounds(record)
+        return Selection(
+            frozenset(parse_links(self.link, places_of(record.plan))) if self.link else None,
+            frozenset(known("--agent", self.agent, agents_of(record))) if self.agent else None,
+            frozenset(known("--fate", self.fate, FATES)) if self.fate else None,
+            from_ns or 0,
+            until_ns,
+        )
+
+
+ALL = Filters()
+
+
+def trace_run(
+    run: RunName,
+    /,
+    *,
+    filters: Filters = ALL,
+    span: SpanOptions = WHOLE,
+    limit: Limit = None,
+    json_: AsJson = False,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Print what became of the frames of a run, a line each in the order of time, with faults and deaths in between."""
+    if limit is not None and limit < 1:
+        raise BadInput(f"--limit {limit}: at least one line must be wanted")
+    record = load(finished_run(run, runs))
+    entries = trace(record, filters.select(record, span))
+    shown = entries[:limit]
+    print_lines(json.dumps(entry.values) if json_ else str(entry) for entry in shown)
+    if not entries:
+        print_note("nothing of this run is so: leave out a filter, or ask for a longer span")
+    elif len(shown) < len(entries):
+        print_note(f"… and {len(entries) - len(shown):,} more lines")

@@ -1,0 +1,221 @@
+"""One run from a scenario to a folder: engine, record, metrics and figures."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any, Literal
+
+from ..agents.plan import Plan
+from ..agents.process import Pace
+from ..errors import BadInput, RunFailed
+from ..transport.faults import in_force
+from ..transport.keys import Keys
+from .analysis.metrics import Metrics, write_metrics
+from .figures.run_figures import plot
+from .record.background import BackgroundSink
+from .record.machine import fingerprint, libraries
+from .record.recorder import Recorder
+from .record.run_files import INFO_FILE, SCENARIO_FILE
+from .scenario.compile import compile_plan
+from .scenario.fault_labels import in_words
+from .scenario.paces import check_pace
+from .scenario.schema import Scenario, resolved_yaml
+from .swarm.control_server import ControlServer
+from .swarm.live_faults import Injector
+from .swarm.status import Status
+from .swarm.supervisor import Ending, Swarm
+from .twin import Twin
+
+Engine = Literal["zenoh", "twin"]
+FLUSH_EVERY_S = 0.2
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run: engine, pace, speed in nominal seconds per wall second, folder of runs, the hub's endpoint."""
+
+    engine: Engine = "zenoh"
+    pace: Pace = "realtime"
+    speed: float = 1.0
+    runs: Path = Path("runs")
+    name: str | None = None
+    listen: str = "tcp/127.0.0.1:0"
+    figures: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        if not self.speed > 0:
+            raise BadInput(f"speed is {self.speed:g}, it must be above 0")
+        if self.speed != 1 and (self.engine, self.pace) != ("zenoh", "realtime"):
+            raise BadInput("speed scales realtime pace only: the twin and lockstep run as fast as they can")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run: its folder, what was measured, and what went wrong."""
+
+    folder: Path
+    metrics: Metrics
+    problems: tuple[str, ...]
+
+
+Watch = Callable[[Status], None]
+
+
+def execute(scenario: Scenario, options: Options, watch: Watch | None = None) -> Outcome:
+    """Run a scenario to the end; `watch` is shown the status some times a second.
+
+    Raises:
+        BadInput: the scenario or an option does not fit; nothing is left behind.
+        RunFailed: the swarm could not be started.
+    """
+    plan = compile_plan(scenario)
+    realtime = (options.engine, options.pace) == ("zenoh", "realtime")
+    check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
+    folder = _new_folder(options, scenario.name)
+    (folder / SCENARIO_FILE).write_text(resolved_yaml(scenario), "utf-8")
+    info = _info(plan, options)
+    _write_info(folder, {**info, "status": "running"})
+    try:
+        with Recorder(folder) as recorder:
+            if options.engine == "twin":
+                ending = _run_twin(plan, recorder, watch)
+            else:
+                with BackgroundSink(recorder) as sink:
+                    ending = asyncio.run(_run_swarm(plan, sink, folder, options, watch))
+    except BadInput:
+        _remove(folder)
+        raise
+    except RunFailed as error:
+        _write_info(folder, {**info, "status": "failed", "problems": [str(error)]})
+        raise
+    status = "failed" if ending.problems else "finished"
+    _write_info(folder, {**info, "status": status, "problems": ending.problems, "wall_s": ending.wall_s})
+    metrics = write_metrics(folder)
+    if options.figures:
+        plot(folder)
+    return Outcome(folder, metrics, ending.problems)
+
+
+def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
+    began = time.monotonic()
+    agents, alive = (frozenset(agent.name for agent in some) for some in (plan.agents, plan.all_agents))
+    status = Status(plan.duration_ns, agents, alive=set(alive))
+
+    class Sink:
+        """Counts what goes into the record."""
+
+        event = staticmethod(recorder.event)
+
+        def __call__(self, batch: Any) -> None:
+            status.take(batch, status.time_ns)
+            recorder(batch)
+
+    interrupted: list[int] = []
+
+    def go_on(now_ns: int) -> bool:
+        status.time_ns = now_ns
+        status.faults = in_words(in_force(plan.faults, now_ns), len(plan.links))
+        if watch is not None:
+            watch(status)
+        return not interrupted
+
+    with _on_interrupt(lambda number, _frame: interrupted.append(number)):
+        Twin(plan, Sink()).run(go_on)
+    return Ending((), time.monotonic() - began)
+
+
+@contextlib.contextmanager
+def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Ctrl-C ends the run and not the program; in another thread than the main one it cannot be caught."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None) -> Ending:
+    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
+    injector = Injector(swarm, sink)
+    control_server = ControlServer(swarm, injector)
+    loop = asyncio.get_running_loop()
+    stopping: set[asyncio.Task[None]] = set()
+
+    def interrupted() -> None:
+        stopping.add(loop.create_task(swarm.stop()))
+
+    async def look_after() -> None:
+        while True:
+            await asyncio.sleep(FLUSH_EVERY_S)
+            sink.flush()
+            swarm.status.faults = in_words(injector.in_force(), len(plan.links))
+            if watch is not None:
+                watch(swarm.status)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, interrupted)
+    helpers = [loop.create_task(look_after()), loop.create_task(control_server.serve(Keys(folder.name), folder))]
+    try:
+        return await swarm.run()
+    finally:
+        for helper in helpers:
+            helper.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await helper
+
+
+def _new_folder(options: Options, name: str) -> Path:
+    if options.name is not None:
+        folder = options.runs / options.name
+        if folder.exists():
+            raise BadInput(f"{folder} exists already: choose another --name, no run is overwritten")
+        folder.mkdir(parents=True)
+        return folder
+    stem = f"{datetime.now():%Y%m%d-%H%M%S}-{name}"  # noqa: DTZ005 - local time is what its user reads
+    for number in range(1, 1000):
+        folder = options.runs / (stem if number == 1 else f"{stem}-{number}")
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            return folder
+    raise BadInput(f"{options.runs} has a thousand runs of {stem} already")
+
+
+def _remove(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.unlink()
+    folder.rmdir()
+
+
+def _info(plan: Plan, options: Options) -> dict[str, Any]:
+    """What the bits of a run depend on besides the scenario."""
+    return {
+        "engine": options.engine,
+        "pace": options.pace if options.engine == "zenoh" else None,
+        "speed": options.speed,
+        "started": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "pid": os.getpid(),
+        **fingerprint(),
+        "libraries": libraries(plan),
+    }
+
+
+def _write_info(folder: Path, info: dict[str, Any]) -> None:
+    path = folder / INFO_FILE
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(info, indent=2), "utf-8")
+    partial.replace(path)

@@ -1,0 +1,296 @@
+"""Figures of a run, sized for papers: estimates against truth and oracle, disagreement through the faults, links.
+
+Colours are those of Okabe and Ito, which are told apart with every kind of colour vision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInput
+from ...topologies import natural_key
+from ...transport.faults import LinkName
+from ...transport.links import NANOSECONDS
+from ..analysis.accounting import LinkAccount, link_account
+from ..analysis.ages import AgeCourse, age_courses, age_metrics
+from ..analysis.metrics import component_labels, courses
+from ..record.frame_fates import FrameFate, frame_fates
+from ..record.record import Record, load
+from ..record.samples import Samples, samples
+from ..scenario.fault_labels import fault_label
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+FIGURES = ("estimates", "disagreement", "links", "age", "overview")
+_OF_LINKS = ("links", "age")
+COLUMN_IN, PAGE_IN = 3.5, 7.16
+_PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
+_PANELS, _OVERVIEW_PANELS = 12, 6
+SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
+GREY, DARK_GREY = "#D9D9D9", "#444444"
+STYLE: dict[str, Any] = {
+    "pdf.fonttype": 42,
+    "ps.fonttype": 42,
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "legend.fontsize": 7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 0.9,
+    "legend.frameon": False,
+    "savefig.dpi": 200,
+}
+_NAMED_AGENTS = 24
+_AGE_SPANS = 300
+_LEVELS, _LEVEL_PT, _LETTER_IN, _PANEL_SHARE = 4, 7, 0.043, 0.75
+"""Names of faults: levels above each other, their distance, width of a letter of 6 pt, and a panel's of its figure."""
+
+
+def plot(
+    folder: Path,
+    which: Iterable[str] | None = None,
+    out: Path | None = None,
+    formats: Sequence[str] = ("png", "pdf"),
+    quantity: str | None = None,
+) -> list[Path]:
+    """Draw figures of the run in a folder; the paths of the files, in `out` or else the run's `figures`.
+
+    Without `which`, every figure for which the run has anything to show.
+
+    Raises:
+        BadInput: no such figure, format or quantity, or no run.
+    """
+    record = load(folder)
+    shown = which or (FIGURES if record.compared() else _OF_LINKS)
+    return draw(record, shown, out or folder / "figures", formats, quantity)
+
+
+def draw(
+    record: Record, which: Iterable[str], out: Path, formats: Sequence[str] = ("png",), quantity: str | None = None
+) -> list[Path]:
+    """Draw figures of a record into a folder; the paths of the files.
+
+    Raises:
+        BadInput: no such figure, format or quantity.
+    """
+    names = list(which)
+    _check("figure", names, FIGURES)
+    check_formats(formats)
+    subject = _Subject(record, quantity)
+    return [path for name in names for path in save(partial(_draw, name, subject), name, out, formats)]
+
+
+def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Sequence[str]) -> list[Path]:
+    """Draw a figure in the style of all and leave it in a folder, in each format; the paths of the files."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    out.mkdir(parents=True, exist_ok=True)
+    with style.context(STYLE):
+        figure = Figure(layout="constrained")
+        draw_into(figure)
+        paths = [out / f"{name}.{format_}" for format_ in formats]
+        for path in paths:
+            figure.savefig(path)
+    return paths
+
+
+def check_formats(formats: Sequence[str]) -> None:
+    """Refuse what figures cannot be saved as.
+
+    Raises:
+        BadInput: such a format; the message lists those that there are.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    _check("figure format", formats, sorted(FigureCanvasAgg.get_supported_filetypes()))
+
+
+def _check(what: str, asked: Iterable[str], known: Sequence[str]) -> None:
+    for name in asked:
+        if name not in known:
+            raise BadInput(f"{what} {name!r} is not known: one of {', '.join(known)}")
+
+
+class _Subject:
+    """A record with what several figures need of it, worked out once."""
+
+    def __init__(self, record: Record, quantity: str | None) -> None:
+        self.record = record
+        self._quantity = quantity
+
+    @cached_property
+    def seen(self) -> Samples:
+        """The samples of the asked quantity, or of the first that there is."""
+        quantities = self.record.compared()
+        if not quantities:
+            raise BadInput("no agent reported an estimate: there is nothing to draw but links")
+        return samples(self.record, self._quantity or quantities[0])
+
+    @cached_property
+    def frames(self) -> dict[LinkName, list[FrameFate]]:
+        """The frames of each link."""
+        return frame_fates(self.record)
+
+    @cached_property
+    def accounts(self) -> dict[LinkName, LinkAccount]:
+        """The account of each link."""
+        return {link: link_account(mine, self.record.last_ns) for link, mine in self.frames.items()}
+
+
+def _draw(name: str, subject: _Subject, figure: Figure) -> None:
+    """Draw one of FIGURES, in its size."""
+    record = subject.record
+    if name == "links":
+        figure.set_size_inches(COLUMN_IN, 0.85 * COLUMN_IN)
+        draw_links(record, subject.accounts, figure)
+    elif name == "age":
+        figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
+        draw_ages(record, age_courses(record, subject.frames), figure)
+    elif name == "estimates":
+        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, subject.seen.estimate.shape[2]))
+        draw_estimates(record, subject.seen, figure)
+    elif name == "disagreement":
+        figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
+        draw_disagreement(record, subject.seen, figure)
+    else:
+        figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
+        left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
+        upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
+        draw_estimates(record, subject.seen, left, _OVERVIEW_PANELS)
+        draw_disagreement(record, subject.seen, upper)
+        draw_links(record, subject.accounts, lower)
+
+
+def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS) -> None:
+    """Every agent's estimate, the truth and the oracle over time, one panel for each of the first components."""
+    count = seen.estimate.shape[2]
+    labels = component_labels(record, seen.quantity, count)[:most]
+    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
+    time_s = seen.time_ns / NANOSECONDS
+    truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)
+    for number, ((name, unit, factor), axes) in enumerate(zip(labels, panels, strict=True)):
+        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=SKY, alpha=0.5, linewidth=0.5)
+        lines = {f"agents ({len(seen.agents)})": agents[0]}
+        if not np.isnan(oracle[:, number]).all():
+            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=VERMILION)
+        if not np.isnan(truth[:, number]).all():
+            (lines["truth"],) = axes.plot(time_s, factor * truth[:, number], color=BLACK, linestyle="--")
+        axes.set_ylabel(f"{name} ({unit})" if unit else name)
+        _shade(record, axes, named=number == 0)
+    _legend(figure, lines)
+    panels[-1].set_xlabel("time (s)" if count <= most else f"time (s); {most} of {count} components")
+    panels[-1].set_xlim(0, record.last_ns / NANOSECONDS)
+    figure.align_ylabels(panels)
+
+
+def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure) -> None:
+    """Disagreement, error to oracle and error to truth over time, logarithmic, with the spans of the faults."""
+    axes = figure.subplots()
+    lines = {}
+    looks = ((BLUE, ":", 3), (VERMILION, "-", 2), (GREEN, "-", 1))
+    for (name, course), (colour, dashes, order) in zip(courses(seen).items(), looks, strict=True):
+        shown = np.where(course.rms > 0, course.rms, np.nan)
+        if not np.isnan(shown).all():
+            times = course.time_ns / NANOSECONDS
+            (lines[name],) = axes.plot(times, shown, color=colour, linestyle=dashes, zorder=order)
+    if lines:
+        axes.set_yscale("log")
+    _shade(record, axes, named=True)
+    _legend(figure, lines)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("rms error (SI units)")
+    axes.set_xlim(0, record.last_ns / NANOSECONDS)
+
+
+def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure: Figure | SubFigure) -> None:
+    """Which fraction of the frames that were put on the air came through, source by target; grey: no link."""
+    names = [agent.name for agent in record.plan.agents]
+    place = {name: number for number, name in enumerate(sorted(names, key=natural_key))}
+    matrix = np.full((len(names), len(names)), np.nan)
+    for (source, target), one in accounts.items():
+        matrix[place[source], place[target]] = one.delivered_fraction
+    axes = figure.subplots()
+    axes.set_facecolor(GREY)
+    lowest = np.nanmin(matrix) if not np.isnan(matrix).all() else 0.0
+    image = axes.imshow(100 * matrix, cmap="viridis", vmin=min(90.0, 100 * lowest), vmax=100, interpolation="nearest")
+    bar = figure.colorbar(image, ax=axes, label="delivered (%)")
+    bar.outline.set_visible(False)
+    step = 1 + (len(names) - 1) // _NAMED_AGENTS
+    ticks, labels = list(range(len(names)))[::step], list(place)[::step]
+    axes.set_xticks(ticks, labels, fontsize=6)
+    axes.set_yticks(ticks, labels, fontsize=6)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    axes.set_xlabel("to agent")
+    axes.set_ylabel("from agent")
+
+
+def draw_ages(record: Record, ages_of: Mapping[LinkName, AgeCourse], figure: Figure | SubFigure) -> None:
+    """Age of information over time, the largest in each of many short spans: median and range of the links."""
+    axes = figure.subplots()
+    edges = np.linspace(0, record.last_ns, _AGE_SPANS + 1).astype(np.int64)
+    peaks = {link: course.peaks(edges) / 1e6 for link, course in ages_of.items() if len(course.time_ns)}
+    lines: dict[str, Artist] = {}
+    if peaks:
+        times = (edges[1:] + edges[:-1]) / 2 / NANOSECONDS
+        every = np.stack(list(peaks.values()))
+        known = ~np.isnan(every).all(axis=0)
+        seen, at = every[:, known], times[known]
+        middle, low, high = np.nanmedian(seen, axis=0), np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+        lines["all links"] = axes.fill_between(at, low, high, color=SKY, alpha=0.35, linewidth=0)
+        (lines["median"],) = axes.plot(at, middle, color=BLUE)
+        oldest = max(peaks, key=lambda link: age_metrics(ages_of[link]).mean_ns)
+        label = f"oldest: {'→'.join(oldest)}"
+        (lines[label],) = axes.plot(times, peaks[oldest], color=VERMILION, linewidth=0.7)
+        axes.set_yscale("log")
+    _shade(record, axes, named=True)
+    _legend(figure, lines)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("age of information (ms)")
+    axes.set_xlim(0, max(record.last_ns, 1) / NANOSECONDS)
+
+
+def _any_agent(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a reference says at each sample, (T, k): the mean over the agents for which it says anything."""
+    known = ~np.isnan(reference)
+    count = known.sum(axis=1)
+    return np.where(count > 0, np.where(known, reference, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def _shade(record: Record, axes: Axes, *, named: bool) -> None:
+    """The spans of the faults in grey, their names above the panel on as many levels as keep them apart.
+
+    Where there is no room on the highest level either, a name is left out; the tables have them all.
+    """
+    last_s = record.last_ns / NANOSECONDS
+    letter_s = _LETTER_IN / (_PANEL_SHARE * axes.figure.bbox.width / axes.figure.dpi) * last_s
+    free_from_s = [-last_s] * _LEVELS
+    for fault in record.faults_in_effect:
+        from_s = fault.at_ns / NANOSECONDS
+        until_s = last_s if fault.until_ns is None else fault.until_ns / NANOSECONDS
+        axes.axvspan(from_s, min(until_s, last_s), color=GREY, alpha=0.6, linewidth=0, zorder=0)
+        label = fault_label(fault, len(record.plan.links))
+        left_s = max(0.0, min(from_s, last_s - letter_s * len(label)))
+        level = next((level for level, free_s in enumerate(free_from_s) if free_s <= left_s), None)
+        if named and level is not None:
+            free_from_s[level] = left_s + letter_s * (len(label) + 1)
+            place, above = ("data", "axes fraction"), (0, 2 + _LEVEL_PT * level)
+            axes.annotate(label, (left_s, 1.0), above, place, "offset points", fontsize=6, color=DARK_GREY)
+
+
+def _legend(figure: Figure | SubFigure, lines: Mapping[str, Artist]) -> None:
+    if lines:
+        legend = figure.legend(list(lines.values()), list(lines), loc="outside upper center", ncols=len(lines))
+        for line in legend.get_lines():
+            line.set(alpha=1.0, linewidth=1.2)

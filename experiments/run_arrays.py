@@ -1,0 +1,126 @@
+"""A run as arrays, for Python: what `volery.run` and `volery.load` give."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from .analysis.export import FRAME_COLUMNS, frame_rows
+from .analysis.metrics import Metrics, compute_metrics
+from .execution import Options, execute
+from .figures import run_figures as figures
+from .record.record import Record, load
+from .record.samples import Samples, samples
+from .scenario.load import Scenario, compile_plan, load_scenario
+from .scenario.validate import validate_plan
+
+_UNKNOWN = {"VARCHAR": "", "BIGINT": -1}
+_TYPES = {"VARCHAR": np.str_, "BIGINT": np.int64, "BOOLEAN": np.bool_}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that is over: its folder and its record, and from these the arrays."""
+
+    folder: Path
+    record: Record
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What went wrong; empty for a run that is fine."""
+        return tuple(self.record.info.get("problems", ()))
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What the agents reported, in alphabetical order."""
+        return self.record.quantities()
+
+    def samples(self, quantity: str = "estimate") -> Samples:
+        """What all agents reported of a quantity side by side, with oracle and truth.
+
+        time_ns (T,); estimate, oracle, truth (T, N, k) in the agents' units, NaN where there is none.
+
+        Raises:
+            BadInput: nobody reported it.
+        """
+        return samples(self.record, quantity)
+
+    @cached_property
+    def frames(self) -> dict[str, NDArray[Any]]:
+        """Field of a frame's story → its value for each frame, (m,); "" or −1 where it is not known.
+
+        Fields: source, target, sequence, size [B], start_ns, airtime_ns, due_ns, fate and others, see `FrameFate`.
+        """
+        rows = list(frame_rows(self.record))
+        return {
+            field: _column(kind, [row[number] for row in rows])
+            for number, (field, kind) in enumerate(FRAME_COLUMNS.items())
+        }
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """All metrics."""
+        return compute_metrics(self.record)
+
+    def plot(self, *which: str, out: Path | None = None, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
+        """Draw figures, by default all, into `out` or else the run's `figures`; the paths of the files.
+
+        Raises:
+            BadInput: no such figure or format.
+        """
+        return figures.draw(self.record, which or figures.FIGURES, out or self.folder / "figures", formats)
+
+
+def _column(kind: str, values: list[Any]) -> NDArray[Any]:
+    return np.array([_UNKNOWN[kind] if value is None else value for value in values], dtype=_TYPES[kind])
+
+
+def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str], options: Options) -> Run:
+    """Run a scenario to the end, without a display.
+
+    Raises:
+        BadInput: the scenario or an option does not fit.
+        RunFailed: the swarm could not be started.
+    """
+    read = read_any(scenario, overrides)
+    validate_plan(compile_plan(read), read.overload)
+    return load_run(execute(read, options).folder)
+
+
+def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> Scenario:
+    """The scenario of a name, a path or the fields themselves.
+
+    Raises:
+        BadInput: it is none.
+    """
+    return _from_mapping(scenario, overrides) if isinstance(scenario, Mapping) else load_scenario(scenario, overrides)
+
+
+def _from_mapping(fields: Mapping[str, Any], overrides: Sequence[str]) -> Scenario:
+    """Through a file, the one way to read a scenario; the topology as an override, so that paths in it start here."""
+    with tempfile.TemporaryDirectory(prefix="volery-") as private:
+        path = Path(private) / "scenario.yaml"
+        try:
+            path.write_text(json.dumps(dict(fields), indent=1), "utf-8")
+        except TypeError as error:
+            raise BadInput(f"the scenario holds more than text, numbers, lists and mappings: {error}") from error
+        own = [f"topology={json.dumps(fields['topology'])}"] if "topology" in fields else []
+        return load_scenario(path, [*own, *overrides])
+
+
+def load_run(folder: str | Path) -> Run:
+    """The run in a folder.
+
+    Raises:
+        BadInput: no run there, or a damaged record.
+    """
+    return Run(Path(folder), load(Path(folder)))

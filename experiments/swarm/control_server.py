@@ -1,0 +1,83 @@
+"""The control server of a running swarm: answers what `volery status`, `fault` and `stop` ask.
+
+A running swarm leaves `control.json` in its run folder, readable by its owner only: endpoint and password.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import msgpack
+
+from ...errors import VoleryError
+from ...transport import zenoh_session as zs
+from ...transport.keys import CONTROL_CLIENT, Keys
+from ..record.run_files import CONTROL_FILE
+from ..scenario.fault_labels import in_words
+from .live_faults import Injector
+from .supervisor import Swarm
+
+_LIMIT = 1000
+
+
+class ControlServer:
+    """The supervisor's side: answers one request after another."""
+
+    def __init__(self, swarm: Swarm, injector: Injector) -> None:
+        self._swarm = swarm
+        self._injector = injector
+        self._requests: asyncio.Queue[zs.Query] = asyncio.Queue()
+
+    async def serve(self, keys: Keys, folder: Path) -> None:
+        """Answer until cancelled; the control file is there meanwhile."""
+        await self._swarm.ready.wait()
+        inbox = zs.Inbox(asyncio.get_running_loop(), _LIMIT, self._queue)
+        serving = self._swarm.session.declare_queryable(keys.supervisor(), inbox.push)
+        control = folder / CONTROL_FILE
+        password = self._swarm.passwords[CONTROL_CLIENT]
+        partial = control.with_suffix(".partial")
+        partial.touch(mode=0o600)
+        partial.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
+        partial.replace(control)
+        try:
+            while True:
+                query = await self._requests.get()
+                with query:
+                    query.reply(query.key_expr, msgpack.packb(await self._answer(zs.asked(query))))
+        finally:
+            control.unlink(missing_ok=True)
+            del serving
+
+    def _queue(self, queries: list[zs.Query]) -> None:
+        for query in queries:
+            self._requests.put_nowait(query)
+
+    async def _answer(self, payload: bytes) -> dict[str, Any]:
+        request = msgpack.unpackb(payload)
+        do = request.pop("do")
+        actions: dict[str, Callable[[], Awaitable[Any]]] = {
+            "status": self._status,
+            "inject": lambda: self._injector.inject(request["fault"]),
+            "clear": lambda: self._injector.clear(request["faults"]),
+            "restart": lambda: self._injector.restart(request["agents"]),
+            "resume": lambda: self._injector.resume(request["agents"]),
+            "restore": lambda: self._injector.restore(request["links"], "cut"),
+            "release": lambda: self._injector.restore(request["links"], "hold"),
+            "stop": self._stop,
+        }
+        try:
+            return {"said": await actions[do]()}
+        except VoleryError as error:
+            return {"error": str(error), "exit_code": error.exit_code}
+
+    async def _status(self) -> dict[str, Any]:
+        self._swarm.status.faults = in_words(self._injector.in_force(), len(self._swarm.plan.links))
+        return self._swarm.status.to_dict()
+
+    async def _stop(self) -> str:
+        await self._swarm.stop()
+        return "the run ends"

@@ -1,0 +1,83 @@
+"""Whether a live fault makes sense now: what is refused, and what is done but said to be vain."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ...agents.plan import Plan
+from ...agents.process import Pace
+from ...agents.registry import find
+from ...errors import BadInput
+from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
+from ..scenario.consistency import forgets, placeless, settings_problems
+from ..scenario.fault_conflicts import finding, idle_links, listed
+from ..scenario.paces import check_pace
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What a fault would meet.
+
+    `in_force`: id → fault that holds now. `alive`: agents. `used`: links that have carried a frame so far.
+    """
+
+    plan: Plan
+    pace: Pace
+    now_ns: int
+    in_force: Mapping[str, Fault]
+    alive: Collection[str]
+    used: Collection[LinkName]
+
+
+def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
+    """Check live faults, with times counted from now; of a random process those that begin later are looked at alone.
+
+    Raises:
+        BadInput: one of them is impossible, or would change nothing.
+    """
+    if not drafted:
+        raise BadInput("no failure falls into what is left of the run: nothing was changed")
+    check_pace((), drafted, realtime=now.pace == "realtime")
+    for draft in drafted:
+        _check_kind(draft, now)
+        if isinstance(draft, LinkFault):
+            _check_fit(draft, now)
+        elif draft.agent not in now.alive:
+            raise BadInput(f"agent {draft.agent} is not alive; `volery fault restart {draft.agent}` brings it back")
+        until_ns = None if draft.until_ns is None else draft.until_ns + now.now_ns
+        fault = replace(draft, at_ns=now.now_ns, until_ns=until_ns)
+        found = finding(now.plan, fault, list(now.in_force.values()))
+        if found and (found.impossible or draft.at_ns == 0):
+            raise BadInput(found.text)
+
+
+def _check_kind(draft: Fault, now: Circumstances) -> None:
+    if isinstance(draft, Kill) and draft.at_ns > 0:
+        raise BadInput("a random process of kills belongs into the scenario's faults; live, kill now")
+    if (forgetting := forgets(now.plan, draft)) is not None:
+        raise BadInput(forgetting)
+
+
+def _check_fit(fault: LinkFault, now: Circumstances) -> None:
+    """Refuse settings under which an agent's frames would not fit the link any more."""
+    plan = now.plan
+    present = [other for other in now.in_force.values() if isinstance(other, LinkFault)]
+    for link in fault.links:
+        sender = plan.agent(link[0])
+        payload = find(sender.kind).offers(plan, sender.name).largest_payload
+        settings = replace(effective(plan.links[link], link, present, now.now_ns), **fault.changes)
+        problems = [*settings_problems(settings, payload, sender.compute_ns), *placeless(plan, link, settings)]
+        for field, text in problems:
+            raise BadInput(f"{field} on {'>'.join(link)}: {text}")
+
+
+def warnings(faults: Iterable[Fault], now: Circumstances) -> Iterator[str]:
+    """Links that carry nothing, so that a fault of theirs has no effect."""
+    links = dict.fromkeys(link for fault in faults if isinstance(fault, LinkFault) for link in fault.links)
+    silent = idle_links(now.plan, links)
+    if silent:
+        yield f"note: no effect on {listed(silent)}: {silent[0][0]} never sends"
+    unused = [link for link in links if link not in now.used and link not in silent]
+    if unused:
+        yield f"note: no frame was seen on {listed(unused)} so far, so that this may have no effect"

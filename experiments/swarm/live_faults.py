@@ -1,0 +1,255 @@
+"""Faults injected while a swarm runs: armed everywhere beforehand, in effect at one nominal instant, and recorded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ...errors import BadInput
+from ...transport.faults import Fault, Kill, LinkFault, Pause, in_force, to_plain
+from ..scenario.expansion import entry_of, parse_fault
+from ..scenario.fault_places import parse_agents, parse_links, places_of, read_words
+from ..twin import RecordSink
+from .live_fault_checks import Circumstances, refuse, warnings
+from .supervisor import Swarm
+
+_AHEAD_S = 0.05
+_TRIES = 3
+_BEFORE_EFFECT_S = 0.02
+"""Agents transmit a little ahead: this long before its instant a fault may have an effect already."""
+_TIMES_AN_ORDER = 2.0
+_UNDONE = {"cut": "is cut", "hold": "is held"}
+
+
+class Injector:
+    """Live faults of one swarm: f1, f2, … in the order in which they were asked for."""
+
+    def __init__(self, swarm: Swarm, sink: RecordSink) -> None:
+        self._swarm = swarm
+        self._sink = sink
+        self._places = places_of(swarm.plan)
+        self._faults = swarm.live_faults
+        self._count = 0
+        self._newest_ns = 0
+        self._took_s = 0.0
+
+    def in_force(self) -> dict[str, Fault]:
+        """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
+        return in_force(self._faults.values(), self._now_ns())
+
+    def _now_ns(self) -> int:
+        return max(self._swarm.now_ns(), self._newest_ns)
+
+    def _circumstances(self) -> Circumstances:
+        swarm = self._swarm
+        return Circumstances(
+            swarm.plan, swarm.pace, self._now_ns(), self.in_force(), swarm.status.alive, swarm.status.used
+        )
+
+    async def inject(self, written: Mapping[str, Any]) -> str:
+        """Let a fault take effect, written as an entry of the timeline with no time but `for`; what was done, in words.
+
+        Raises:
+            BadInput: not a fault, something that does not exist, or one without effect.
+        """
+        name = f"f{self._count + 1}"
+        remaining_ns = self._swarm.plan.duration_ns - self._now_ns()
+        drafted = parse_fault(written, name, self._places, remaining_ns)
+        circumstances = self._circumstances()
+        refuse(drafted, circumstances)
+        self._count += 1
+        async with self._swarm.intervening:
+            at_ns, faults = await self._arm(drafted)
+            self._faults.update({fault.id: fault for fault in faults})
+        self._newest_ns = at_ns
+        for fault in faults:
+            if isinstance(fault, Kill) and fault.until_ns is not None:
+                self._swarm.restarts.later(fault)
+        return "\n".join([f"{name}: {_told(faults)}", *warnings(faults, circumstances)])
+
+    async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
+        """Choose an instant and arm the faults everywhere.
+
+        If some agent was too slow they are armed anew for a later instant, as long as they have no effect anywhere yet.
+        """
+        swarm = self._swarm
+        held_ns = await self._hold() if swarm.pace == "lockstep" else 0
+        for _ in range(_TRIES):
+            at_ns = held_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
+            faults = [_shifted(draft, at_ns) for draft in drafted]
+            in_time = await self._tell(faults, at_ns)
+            if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
+                break
+        if swarm.pace == "lockstep":
+            await swarm.order({"do": "release"})
+        for fault in faults:
+            self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
+        self._say_if_late(faults, at_ns, in_time=in_time)
+        return at_ns, faults
+
+    async def _hold(self) -> int:
+        """Let everybody stand still, in lockstep pace; the first instant of which nobody has said anything yet.
+
+        Raises:
+            BadInput: there is none for somebody who has no living neighbour to wait for, and is at the end already.
+        """
+        answers = await self._swarm.order({"do": "hold"})
+        mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
+        absent = self._swarm.status.alive - mortal - {name for name, _ in answers}
+        instant_ns: int = max([self._now_ns(), *answers.values()]) + 1
+        if absent or instant_ns >= self._swarm.end_ns:
+            await self._swarm.order({"do": "release"})
+            who = f"agent {', '.join(sorted(absent))} does" if absent else "somebody has no neighbour alive and does"
+            raise BadInput(f"{who} not wait for others: there is no instant that all have still before them")
+        return instant_ns
+
+    async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
+        self._swarm.interventions += self._swarm.pace == "lockstep"
+        order = {"do": "arm", "faults": [to_plain(fault) for fault in faults], "instant_ns": instant_ns}
+        began = time.monotonic()
+        answers = await self._swarm.order(order)
+        self._took_s = time.monotonic() - began
+        return all(answers.values())
+
+    def _ahead_s(self) -> float:
+        """How far ahead an instant is put: further where the last order took long to reach everybody."""
+        return max(_AHEAD_S, _TIMES_AN_ORDER * self._took_s)
+
+    def _say_if_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
+        for fault in () if in_time else faults:
+            self._sink.event({"event": "late-fault", "time_ns": instant_ns, "id": fault.id})
+
+    # -- undoing --------------------------------------------------------------------------------------------------
+
+    async def clear(self, names: list[str]) -> str:
+        """Undo faults that are in force, all of them if none is named; what was done, in words.
+
+        The name of an entry stands for all of its faults, t3 for t3.1 and t3.2, also for those to come, except kills.
+        Kills whose agents come back by themselves take their course.
+
+        Raises:
+            BadInput: a name that is not in force, or nothing to clear.
+        """
+        present = {name: fault for name, fault in self.in_force().items() if not self._comes_back(fault)}
+        chosen: dict[str, Fault] = {} if names else present
+        known = ", ".join(dict.fromkeys(map(entry_of, present))) or "none"
+        for name in names:
+            parts = self._parts(name)
+            if not parts:
+                raise BadInput(f"no fault {name} is in force; in force: {known}")
+            chosen |= parts
+        if not chosen:
+            raise BadInput("no fault is in force")
+        await self._end(list(chosen.values()))
+        return f"cleared {', '.join(names or dict.fromkeys(map(entry_of, chosen)))}"
+
+    def _parts(self, name: str) -> dict[str, Fault]:
+        now_ns = self._now_ns()
+        return {
+            fault.id: fault
+            for fault in self._faults.values()
+            if name in (fault.id, entry_of(fault.id))
+            and (fault.in_force(now_ns) or (_is_to_come(fault, now_ns) and not isinstance(fault, Kill)))
+            and not self._comes_back(fault)
+        }
+
+    def _comes_back(self, fault: Fault) -> bool:
+        return isinstance(fault, Kill) and self._swarm.restarts.comes_back(fault)
+
+    async def restart(self, words: str) -> str:
+        """Bring killed agents back; what was done, in words.
+
+        Raises:
+            BadInput: none of them was killed.
+        """
+        return f"restarted {await self._end_of(Kill, words, 'was killed')}"
+
+    async def resume(self, words: str) -> str:
+        """Let paused agents go on; what was done, in words.
+
+        Raises:
+            BadInput: none of them is paused.
+        """
+        return f"resumed {await self._end_of(Pause, words, 'is paused')}"
+
+    async def _end_of(self, kind: type[Kill | Pause], words: str, state: str) -> str:
+        agents = parse_agents(read_words(words), self._places)
+        found = [fault for fault in self.in_force().values() if isinstance(fault, kind) and fault.agent in agents]
+        if not found:
+            raise BadInput(f"agent {', '.join(agents)}: none {state} by a fault")
+        chosen = [fault for fault in found if not self._comes_back(fault)]
+        if not chosen:
+            raise BadInput(f"agent {', '.join(fault.agent for fault in found)} comes back by itself")
+        await self._end(chosen)
+        return ", ".join(fault.agent for fault in chosen)
+
+    async def restore(self, words: str, field: str) -> str:
+        """Clear every fault that cuts, or holds, one of the named links; what was done, in words.
+
+        Raises:
+            BadInput: none of them is cut, or held.
+        """
+        wanted = set(parse_links(words, self._places))
+        chosen = [
+            fault
+            for fault in self.in_force().values()
+            if isinstance(fault, LinkFault) and fault.changes.get(field) and wanted & set(fault.links)
+        ]
+        if not chosen:
+            raise BadInput(f"none of these links {_UNDONE[field]} by a fault")
+        await self._end(chosen)
+        return f"cleared {', '.join(fault.id for fault in chosen)}"
+
+    async def _end(self, faults: Sequence[Fault]) -> None:
+        """End faults at one instant; a new process stands by for each agent that comes back then."""
+        if self._swarm.pace == "lockstep":
+            async with self._swarm.intervening:
+                until_ns = await self._hold()
+                await self._end_at(faults, await self._standbys(faults), until_ns)
+        else:
+            revived = await self._standbys(faults)
+            async with self._swarm.intervening:
+                await self._end_at(faults, revived, self._swarm.ahead_ns(self._ahead_s()))
+
+    async def _standbys(self, faults: Sequence[Fault]) -> list[tuple[tuple[str, int], Kill]]:
+        kills = [fault for fault in faults if isinstance(fault, Kill)]
+        return [(await self._swarm.restarts.standby(kill), kill) for kill in kills]
+
+    async def _end_at(
+        self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]], until_ns: int
+    ) -> None:
+        swarm = self._swarm
+        ended = [replace(fault, until_ns=until_ns) for fault in faults]
+        in_time = await self._tell(ended, until_ns)
+        self._faults.update({fault.id: fault for fault in ended})
+        for key, kill in revived:
+            await swarm.restarts.revive(key, replace(kill, until_ns=until_ns), until_ns)
+        if swarm.pace == "lockstep":
+            await swarm.order({"do": "release"})
+        elif revived:
+            in_time = in_time and swarm.now_ns() <= until_ns
+        self._newest_ns = until_ns
+        self._say_if_late(ended, until_ns, in_time=in_time)
+        for fault in ended:
+            self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})
+
+
+def _is_to_come(fault: Fault, now_ns: int) -> bool:
+    return fault.at_ns > now_ns and (fault.until_ns is None or fault.at_ns < fault.until_ns)
+
+
+def _shifted(draft: Fault, by_ns: int) -> Fault:
+    """A fault whose times were counted from the instant of the command."""
+    until_ns = None if draft.until_ns is None else draft.until_ns + by_ns
+    return replace(draft, at_ns=draft.at_ns + by_ns, until_ns=until_ns)
+
+
+def _told(faults: Sequence[Fault]) -> str:
+    """When faults hold, in words."""
+    begin_s = min(fault.at_ns for fault in faults) / 1e9
+    ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
+    end = f"until {max(ends) / 1e9:.3f} s" if len(ends) == len(faults) else "until cleared"
+    count = f", {len(faults)} faults" if len(faults) > 1 else ""
+    return f"from {begin_s:.3f} s {end}{count}"
