@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
-from ..randomness import Stream
+from ..randomness import Stream, stream
+from ..transport.media import AIR
 
 if TYPE_CHECKING:
     from ..transport.faults import Fault
@@ -57,47 +58,145 @@ class Offer:
     per_second: float | None
 
 
-class Context(Protocol):
-    """All that an agent may do and know."""
+class NotANeighbour(BadInput):
+    """An agent wanted to talk to someone to whom it has no link."""
+
+
+class FrameTooLarge(BadInput):
+    """A payload over the MTU of its link."""
+
+
+class BrokenPromise(BadInput):
+    """An agent whose class says `timers_only` acted on a frame."""
+
+
+class Send(NamedTuple):
+    """Effect: hand a payload to one outlet, for one or more of its targets."""
+
+    targets: tuple[str, ...]
+    payload: bytes
+    stream: str
+
+
+class Refuse(NamedTuple):
+    """Effect: count a payload over the MTU."""
+
+    targets: tuple[str, ...]
+
+
+class Report(NamedTuple):
+    """Effect: journal an estimate."""
+
+    quantity: str
+    sample: int
+    value: list[float]
+
+
+class Note(NamedTuple):
+    """Effect: journal that something happened."""
+
+    what: str
+    facts: dict[str, Any]
+
+
+class Command(NamedTuple):
+    """Effect: act upon a coupled world."""
+
+    commands: dict[str, NDArray[np.float64]]
+
+
+Effect = Send | Refuse | Timer | Report | Note | Command
+
+
+@dataclass(slots=True)
+class ContextState:
+    """What a node tells its agent, and what the agent has asked for since: plain values, so nothing leads to the truth.
+
+    outlet_of: target → the outlet that its link belongs to. mtus: outlet → MTU [bytes]. event_ns: reading of the own
+    clock at the event in hand; `now_ns` is later where that had to wait. clock_jumped: whether the clock may have
+    jumped over an instant that the agent planned for. may_act: whether it may send and set timers now.
+    """
+
+    name: str
+    incarnation: int
+    seed: int
+    swarm: tuple[str, ...]
+    position: tuple[float, ...] | None
+    briefing: Any
+    commands_world: bool
+    outlet_of: Mapping[str, str]
+    mtus: Mapping[str, int]
+    neighbours: tuple[str, ...] = ()
+    degrees: Mapping[str, int] = field(default_factory=dict)
+    now_ns: int = 0
+    event_ns: int = 0
+    clock_jumped: bool = False
+    may_act: bool = True
+    effects: list[Effect] = field(default_factory=list)
+
+
+class Context:
+    """All that an agent may know and do.
+
+    It holds plain values only. What the agent asks for takes effect when its handler returns, at the instant of the
+    event in hand.
+    """
+
+    __slots__ = ("_state",)
+
+    def __init__(self, state: ContextState) -> None:
+        self._state = state
 
     @property
     def name(self) -> str:
         """The agent's own name."""
+        return self._state.name
 
     @property
     def neighbours(self) -> tuple[str, ...]:
-        """Whom it may talk to now, in natural order."""
+        """Agents to which it has a link now, in natural order."""
+        return self._state.neighbours
 
     @property
     def swarm(self) -> tuple[str, ...]:
-        """Whom there is besides and itself, in natural order; known before the start, whoever is in reach."""
+        """All agents of the run, itself included, in natural order."""
+        return self._state.swarm
 
     @property
     def degrees(self) -> Mapping[str, int]:
         """Number of neighbours of itself and of each neighbour."""
+        return self._state.degrees
 
     @property
     def position(self) -> tuple[float, ...] | None:
-        """Its place on the body in metres, where the topology has places."""
+        """Its place on the body [m], where the topology has places."""
+        return self._state.position
 
     @property
     def briefing(self) -> Any:
         """What its class's `briefing` tells this agent before the start; None if nothing."""
+        return self._state.briefing
 
     @property
     def now_ns(self) -> int:
-        """What its own clock shows for the event in hand, in nanoseconds, or later where that had to wait.
+        """Reading of its own clock at the event in hand [ns], or later where that event had to wait.
 
         Without a clock fault this is nominal time. Stamps and timers are by this clock.
         """
+        return self._state.now_ns
 
     def send(self, target: str, payload: bytes, stream: str = "") -> None:
-        """Hand a payload to the link to a neighbour; what becomes of it is not told.
+        """Hand a payload to the link to a neighbour; the sender is not told what becomes of it.
 
         Raises:
             NotANeighbour: there is no link to `target`.
             FrameTooLarge: the payload is over the link's MTU.
         """
+        if target not in self._state.neighbours:
+            known = ", ".join(self.neighbours)
+            raise NotANeighbour(f"agent {self.name} has no link to {target!r}; its neighbours are {known}")
+        self._check_may_act()
+        self._send((target,), payload, stream)
 
     def broadcast(self, payload: bytes, stream: str = "") -> None:
         """Hand a payload to the links to all neighbours: one transmission over a shared radio, else one on each link.
@@ -105,6 +204,13 @@ class Context(Protocol):
         Raises:
             FrameTooLarge: the payload is over a link's MTU.
         """
+        self._check_may_act()
+        outlet_of = self._state.outlet_of
+        if shared := tuple(target for target in self.neighbours if outlet_of[target] == AIR):
+            self._send(shared, payload, stream)
+        for target in self.neighbours:
+            if outlet_of[target] != AIR:
+                self._send((target,), payload, stream)
 
     def set_timer(self, time_ns: int, name: str = "", index: int = 0) -> None:
         """Ask for `on_timer` at an instant that is not before that of the event in hand.
@@ -114,9 +220,16 @@ class Context(Protocol):
         Raises:
             BadInput: the instant is before the event in hand.
         """
+        state = self._state
+        if time_ns < state.event_ns and not state.clock_jumped:
+            raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {state.event_ns} ns")
+        self._check_may_act()
+        state.effects.append(Timer(name, index, time_ns))
 
     def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
-        """Write down an estimate; `index` is the sample it belongs to."""
+        """Journal an estimate; `index` is the sample it belongs to."""
+        flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
+        self._state.effects.append(Report(quantity, index, flat))
 
     def command(self, commands: Mapping[str, ArrayLike]) -> None:
         """Act upon a coupled world, by name: the commands take effect `compute` and the world's act delay later.
@@ -124,12 +237,37 @@ class Context(Protocol):
         Raises:
             BadInput: the scenario's world is not coupled.
         """
+        if not self._state.commands_world:
+            named = ", ".join(commands)
+            raise BadInput(f"agent {self.name} commands {named}, and this scenario's world takes no commands")
+        self._check_may_act()
+        flat = {name: np.array(value, dtype=np.float64).ravel() for name, value in commands.items()}
+        self._state.effects.append(Command(flat))
 
     def note(self, what: str, **facts: Any) -> None:
-        """Write down that something happened, with plain values that say more about it."""
+        """Journal that something happened, with plain values that say more about it."""
+        self._state.effects.append(Note(what, facts))
 
     def random(self, purpose: str) -> Stream:
-        """The agent's own random stream for a purpose."""
+        """The agent's own random stream for a purpose; a restarted agent has another one."""
+        state = self._state
+        return stream(state.seed, f"agent-{purpose}", state.name, str(state.incarnation))
+
+    def _check_may_act(self) -> None:
+        if not self._state.may_act:
+            raise BrokenPromise(
+                f"agent {self.name} acts on a frame, but its class says timers_only: remove that, or act on a timer"
+            )
+
+    def _send(self, targets: tuple[str, ...], payload: bytes, stream: str) -> None:
+        state = self._state
+        mtu = state.mtus[state.outlet_of[targets[0]]]
+        if len(payload) > mtu:
+            state.effects.append(Refuse(targets))
+            raise FrameTooLarge(
+                f"agent {self.name}: {len(payload)} B for {', '.join(targets)}, the link's MTU is {mtu} B"
+            )
+        state.effects.append(Send(targets, payload, stream))
 
 
 class CentralEstimator(Protocol):

@@ -1,4 +1,4 @@
-"""A coupled world as an agent: it takes samples and commands, and writes the truth down.
+"""A coupled world as an agent: it takes samples and commands, and reports the truth.
 
 It is joined to every agent by wires that nothing impairs. A sample that is taken at an instant arrives the sense delay
 later, a command takes effect the act delay after it was given.
@@ -6,7 +6,7 @@ later, a command takes effect the act delay after it was given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
+from ..transport.faults import Fault
 from ..transport.latencies import Constant
 from ..transport.links import LinkSettings
 from ..units import period_ns
-from .agent import Agent, Received, Sample, Timer
-from .context import NodeContext
+from .agent import Agent, CentralEstimator, Context, ContextState, Received, Sample, Send, Timer
 from .plan import WORLD, AgentPlan, Plan, Running
+from .registry import find
 from .sensor_samples import Disturbances
 from .wires import pack_samples, unpack_commands
 
@@ -52,6 +53,30 @@ def _wire(delay_ns: int) -> LinkSettings:
     return LinkSettings(mtu=_WIDEST, latency=Constant(delay_ns))
 
 
+class WorldContext(Context):
+    """What a coupled world may do and know besides: the plan, the sensor faults, and the wires to the agents."""
+
+    __slots__ = ("_faults", "plan")
+
+    def __init__(self, state: ContextState, plan: Plan, faults: Mapping[str, Fault]) -> None:
+        super().__init__(state)
+        self.plan = plan
+        self._faults = faults
+
+    @property
+    def faults(self) -> Iterable[Fault]:
+        """The faults that touch the world, live ones included."""
+        return self._faults.values()
+
+    def central_estimator(self) -> CentralEstimator | None:
+        """The centralised estimator that the agents' class has for this plan."""
+        return find(self.plan.agents[0].kind).central_estimator(self.plan)
+
+    def wire(self, agent: str, payload: bytes) -> None:
+        """Hand a payload to the wire to an agent."""
+        self._state.effects.append(Send((agent,), payload, ""))
+
+
 class CoupledWorld(Agent):
     """Advances the world of its plan from instant to instant at which somebody senses, acts, or the truth is due.
 
@@ -61,7 +86,7 @@ class CoupledWorld(Agent):
 
     timers_only = True
 
-    def __init__(self, context: NodeContext, parameters: Any) -> None:
+    def __init__(self, context: WorldContext, parameters: Any) -> None:
         super().__init__(context, parameters)
         self._wires = context
         plan, world = context.plan, context.plan.coupled

@@ -1,15 +1,14 @@
-"""A node carries one agent: its events, its links to the neighbours and the faults that touch them.
+"""A node runs one agent: its events, its links to the neighbours and the faults that touch them.
 
 A node is pure: it is told what arrives and which events are due, and says what it puts on the wire. The twin runs all
-nodes on one heap; a process runs one node on a heap of its own. Both run this same code. `sender` has its
-transmitters, `receiver` what comes in.
+nodes on one heap; a process runs one node on a heap of its own. Its `sender` has the transmitters, its `receiver` what
+comes in; both share its `state`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from heapq import heappush
 from operator import itemgetter
 from typing import Any
 
@@ -34,16 +33,19 @@ from ..transport.events import (
 from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, effective
 from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
+from ..transport.media import Ether
 from ..units import first_period, period_ns
-from .agent import Agent, Received, Sample, Timer
-from .context import NodeContext
-from .journal import Batch
+from .agent import Agent, Command, Context, ContextState, Note, Received, Report, Sample, Send, Timer
+from .coupled_world import KIND as COUPLED_WORLD
+from .coupled_world import WorldContext
+from .journal import NOTED, Batch, Estimate
+from .node_state import NodeState
 from .plan import WORLD, Plan
 from .receiver import Receiver
 from .registry import find
 from .sender import Put, Sender
 from .sensor_samples import measured
-from .wires import unpack_samples
+from .wires import pack_commands, unpack_samples
 
 _ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "bucket"}
 _GRAPH = "graph"
@@ -58,14 +60,13 @@ class Node:
         heap: where events go; shared between the nodes of a twin.
         put: called with (outlet, message) when a transmission starts.
         incarnation: 0 at first, one more after each restart.
-        start_ns: when the agent comes to life.
+        start_ns: when this incarnation starts.
         index: place among the nodes that share the heap.
-        saved: what the agent's last life has left, where that is kept.
+        saved: what the incarnation before has saved, if it was to.
 
-    `now_ns` never goes back; `event_ns`, the time of the event in hand, lies before it where that event had to wait.
-    `neighbours` are all that it ever has, those to whom it is wired included, `present` those in the graph now. `known`
-    are all faults of the run that it was told of, `faults` those that touch it. `hogged` is the share of its processor
-    that something else takes, which nothing but the wall clock notices.
+    `present` are the neighbours in the graph now. `known` are all faults of the run so far, `faults` those that touch
+    this node. `hogged` is the share of its processor that something else takes, which nothing but the wall clock
+    notices. `saved` is what the agent has saved when it was killed.
     """
 
     def __init__(
@@ -80,315 +81,324 @@ class Node:
         saved: bytes | None = None,
     ) -> None:
         me = plan.agent(name)
-        self.plan, self.name, self.incarnation, self.index = plan, name, incarnation, index
-        self.wired = me.wired
-        self.neighbours = me.neighbours + me.wired
-        self.present = plan.present(name, start_ns)
-        self.degrees = plan.degrees(name, start_ns)
-        self.compute_ns = me.compute_ns
-        self.heap = heap
-        self.journal = Batch(name, incarnation)
-        self.now_ns = self.event_ns = start_ns
-        self.dead = False
-        self.start_ns = start_ns
+        self.state = NodeState(me, heap, incarnation, start_ns, index)
         self.known: dict[str, Fault] = {}
         self.faults: dict[str, Fault] = {}
-        self.clock = Clock()
-        self.in_frame = False
         self.hogged = 0.0
-        self._last: Event = (start_ns, FAULT, "", -1, 0, index, self._on_fault, None)
+        self.saved = saved
+        self.plan = plan
+        self.present = plan.present(name, start_ns)
+        self._clock = Clock()
         self._waiting: list[tuple[Event, int, Callable[[Event], None]]] | None = None
         self._timers: dict[int, tuple[int, Timer]] = {}
-        self._count = 0
+        self._timer_count = 0
         self._changes_ns: set[int] = set()
-        self.sender = Sender(self, put)
-        self.receiver = Receiver(self)
+        self._put_on_wire = put
+        ether = Ether()
+        settings = {target: self._settings(target) for target in self.state.neighbours}
+        self.sender = Sender(self.state, plan, settings, ether, self._put)
+        self.receiver = Receiver(self.state, self.sender, ether, self._on_delivery)
         kind = find(me.kind)
-        self.timers_only = kind.timers_only
-        self.agent: Agent = kind(NodeContext(self, me), me.parameters)
-        self.saved = saved
-        self._begin(start_ns)
+        self._timers_only = kind.timers_only
+        self._told = ContextState(
+            name,
+            incarnation,
+            plan.seed,
+            swarm=tuple(agent.name for agent in plan.agents),
+            position=me.position,
+            briefing=kind.briefing(plan, name),
+            commands_world=WORLD in me.wired,
+            outlet_of=self.sender.outlet_of,
+            mtus=self.sender.mtus,
+            neighbours=self.present,
+            degrees=plan.degrees(name, start_ns),
+            now_ns=start_ns,
+            event_ns=start_ns,
+        )
+        context = WorldContext(self._told, plan, self.faults) if me.kind == COUPLED_WORLD else Context(self._told)
+        self.agent: Agent = kind(context, me.parameters)
+        self._start()
 
-    def _begin(self, start_ns: int) -> None:
+    def _start(self) -> None:
+        start_ns = self.state.start_ns
         for fault in self.plan.faults:
             self.arm(fault)
         self._read_clock()
-        self.event_ns = self.clock.reading(start_ns)
-        for source in self.neighbours:
-            self._hold_or_release(source)
-        for number, time_ns in enumerate(self.plan.graph_changes(self.name)):
+        for source in self.state.neighbours:
+            self._update_hold(source)
+        for number, time_ns in enumerate(self.plan.graph_changes(self.state.name)):
             if time_ns > start_ns:
                 self._changes_ns.add(time_ns)
-                self.schedule(time_ns, FAULT, _GRAPH, number, self._on_graph, None)
+                self.state.schedule(time_ns, FAULT, _GRAPH, number, self._on_graph, None)
         if self.plan.world is not None:
-            for sensor, rate in self.plan.world.sensors(self.name).items():
+            for sensor, rate in self.plan.world.sensors(self.state.name).items():
                 self._schedule_sample(sensor, rate, first_period(rate, start_ns))
-        self.agent.start()
+        self._told.event_ns = self._clock.reading(start_ns)
+        self.run_handler(self.agent.start)
         if self.saved is not None:
-            self.agent.restore(msgpack.unpackb(self.saved))
+            self.run_handler(self.agent.restore, msgpack.unpackb(self.saved))
 
-    # -- events -------------------------------------------------------------------------------------------------
+    # -- the agent ----------------------------------------------------------------------------------------------
 
-    def schedule(
-        self, time_ns: int, rank: int, source: str, sequence: int, handler: Callable[[Event], None], data: Any
-    ) -> None:
-        """Put an event of this node into the heap."""
-        heappush(self.heap, (time_ns, rank, source, sequence, 0, self.index, handler, data))
+    def run_handler(self, handler: Callable[..., None], *arguments: Any) -> None:
+        """Run a handler of the agent, then carry out what it has asked for, even if it fails."""
+        told = self._told
+        told.now_ns = self._clock.reading(self.state.now_ns)
+        try:
+            handler(*arguments)
+        finally:
+            if told.effects:
+                self._carry_out()
 
-    def push(self, event: Event) -> None:
-        """Put an event into the heap whose key is made already."""
-        heappush(self.heap, event)
+    def _carry_out(self) -> None:
+        effects, self._told.effects = self._told.effects, []
+        journal, now_ns = self.state.journal, self.state.now_ns
+        for effect in effects:
+            if isinstance(effect, Send):
+                self.sender.offer(*effect)
+            elif isinstance(effect, Report):
+                journal.estimates.append(Estimate(now_ns, *effect))
+            elif isinstance(effect, Timer):
+                self._timer_count += 1
+                self._arm_timer(self._timer_count, effect)
+            elif isinstance(effect, Command):
+                self.sender.offer((WORLD,), pack_commands(effect.commands), "")
+            elif isinstance(effect, Note):
+                journal.events.append({"event": NOTED, "what": effect.what, "time_ns": now_ns, **effect.facts})
+            else:
+                self.sender.refuse(effect.targets)
 
-    def has_passed(self, event: Event) -> bool:
-        """Whether something later was handled already."""
-        return event < self._last
+    def _admit(self, event: Event, act: Callable[[Event], None]) -> None:
+        """Let the agent handle an event; during a pause it waits."""
+        state = self.state
+        if state.dead:
+            return
+        if self._waiting is not None:
+            state.now_ns = max(state.now_ns, event[TIME])
+            self._waiting.append((event, self._clock.reading(event[TIME]), act))
+            return
+        state.advance(event)
+        self._told.event_ns = self._clock.reading(event[TIME])
+        act(event)
+
+    # -- samples, timers and frames -----------------------------------------------------------------------------
 
     def _schedule_sample(self, sensor: str, rate: float, index: int) -> None:
-        self.schedule(
-            period_ns(rate, index), SENSE, f"{self.name}.{sensor}", index, self._on_sense, (sensor, rate, index)
-        )
+        source = f"{self.state.name}.{sensor}"
+        self.state.schedule(period_ns(rate, index), SENSE, source, index, self._on_sense, (sensor, rate, index))
 
     def _on_sense(self, event: Event) -> None:
-        if self.dead:
+        if self.state.dead:
             return
         sensor, rate, index = event[DATA]
         self._schedule_sample(sensor, rate, index + 1)
-        self.admit(event, self._sense)
+        self._admit(event, self._sense)
 
     def _sense(self, event: Event) -> None:
         sensor, _, index = event[DATA]
-        value = measured(self.plan, self.faults.values(), self.name, sensor, index)
-        self.agent.on_sample(Sample(sensor, index, self.event_ns, value))
-
-    def clock_jumps(self) -> bool:
-        """Whether the agent's own clock may have jumped over an instant that it planned for."""
-        return any(isinstance(fault, ClockFault) and fault.at_ns <= self.now_ns for fault in self.faults.values())
-
-    def set_timer(self, timer: Timer) -> None:
-        """Schedule a timer by the agent's own clock; one that is over rings at once."""
-        self._count += 1
-        self._arm_timer(self._count, timer)
+        value = measured(self.plan, self.faults.values(), self.state.name, sensor, index)
+        self.run_handler(self.agent.on_sample, Sample(sensor, index, self._told.event_ns, value))
 
     def _arm_timer(self, count: int, timer: Timer) -> None:
-        time_ns = self.clock.when(timer.time_ns, self.now_ns)
+        """Schedule a timer by the agent's own clock; one that is over rings at once."""
+        time_ns = self._clock.when(timer.time_ns, self.state.now_ns)
         self._timers[count] = time_ns, timer
-        self.schedule(time_ns, TIMER, self.name, count, self._on_timer, count)
+        self.state.schedule(time_ns, TIMER, self.state.name, count, self._on_timer, count)
 
     def _on_timer(self, event: Event) -> None:
         time_ns, timer = self._timers.get(event[DATA], (-1, None))
         if time_ns == event[TIME]:
             del self._timers[event[DATA]]
-            self.admit((*event[:DATA], timer), self._ring)
+            self._admit((*event[:DATA], timer), self._ring)
 
     def _ring(self, event: Event) -> None:
         timer: Timer = event[DATA]
-        self.event_ns = timer.time_ns
-        self.agent.on_timer(timer)
+        self._told.event_ns = timer.time_ns
+        self.run_handler(self.agent.on_timer, timer)
 
-    def admit(self, event: Event, act: Callable[[Event], None]) -> None:
-        """Let the agent handle an event, unless its processor stands still: then it waits for its turn."""
-        if self.dead:
-            return
-        if self._waiting is not None:
-            self.now_ns = max(self.now_ns, event[TIME])
-            self._waiting.append((event, self.clock.reading(event[TIME]), act))
-            return
-        if event > self._last:
-            self._last = event
-            self.now_ns = event[TIME]
-        self.event_ns = self.clock.reading(event[TIME])
-        act(event)
+    def _on_delivery(self, event: Event) -> None:
+        self._admit(event, self._take_samples if event[SOURCE] == WORLD else self._take_frame)
 
-    # -- frames -------------------------------------------------------------------------------------------------
+    def _take_frame(self, event: Event) -> None:
+        """Hand a frame to the agent, stamped by the agent's own clock."""
+        self._told.may_act = not self._timers_only
+        self.run_handler(self.agent.on_frame, Received(event[SOURCE], event[DATA].payload, self._told.event_ns))
+        self._told.may_act = True
 
-    def receive(self, source: str, message: Message) -> None:
-        """Take in a message as soon as the network has it."""
-        self.receiver.receive(source, message)
+    def _take_samples(self, event: Event) -> None:
+        """Hand samples that a coupled world has taken to the agent."""
+        for sample in unpack_samples(event[DATA].payload, self._clock.reading):
+            self.run_handler(self.agent.on_sample, sample)
 
-    def deliver(self, event: Event) -> None:
-        """Hand a frame to the agent; its stamp is that of the agent's own clock."""
-        frame: Frame = event[DATA]
-        if event[SOURCE] == WORLD:
-            for sample in unpack_samples(frame.payload, self.clock.reading):
-                self.agent.on_sample(sample)
-            return
-        self.in_frame = True
-        self.agent.on_frame(Received(event[SOURCE], frame.payload, self.event_ns))
-        self.in_frame = False
+    def _put(self, outlet: str, message: Message) -> None:
+        self.receiver.note_transmission()
+        self._put_on_wire(outlet, message)
 
     def transmit_ahead(self, before_ns: int) -> None:
-        """Put frames on the wire whose start lies before an instant, as far as nothing changes until then."""
-        if not self.dead:
-            changes = (instant for instant in self._changes_ns if instant >= self.now_ns)
+        """Put frames on the wire early whose start lies before an instant, as far as nothing changes until then."""
+        if not self.state.dead:
+            changes = (instant for instant in self._changes_ns if instant >= self.state.now_ns)
             self.sender.transmit_ahead(min([before_ns, *changes]))
 
     # -- faults and the graph -----------------------------------------------------------------------------------
 
     def arm(self, fault: Fault) -> None:
-        """Take note of a fault, or of a new end of one that is known; what does not touch this node is only known."""
+        """Note a fault, or a new start or end of a known one, and schedule it if it touches this node."""
         self.known[fault.id] = fault
-        if not self._touches(fault) or (isinstance(fault, Kill) and fault.at_ns < self.start_ns):
+        start_ns, schedule = self.state.start_ns, self.state.schedule
+        if not self._touches(fault) or (isinstance(fault, Kill) and fault.at_ns < start_ns):
             return
         known = self.faults.get(fault.id)
         self.faults[fault.id] = fault
         self._changes_ns |= {fault.at_ns, FOREVER_NS if fault.until_ns is None else fault.until_ns}
         if known is None or known.at_ns != fault.at_ns:
-            self.schedule(max(fault.at_ns, self.start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
+            schedule(max(fault.at_ns, start_ns), FAULT, fault.id, 0, self._on_fault, fault.id)
         if fault.until_ns is not None and (known is None or known.until_ns != fault.until_ns):
-            self.schedule(max(fault.until_ns, self.start_ns), FAULT, fault.id, 1, self._on_fault, fault.id)
+            schedule(max(fault.until_ns, start_ns), FAULT, fault.id, 1, self._on_fault, fault.id)
 
     def _touches(self, fault: Fault) -> bool:
-        """A link's settings are its source's business, and frames are held back at its target."""
+        """Whether a fault concerns this node: a link's settings act at its source, `hold` at its target."""
+        name = self.state.name
         if isinstance(fault, SensorFault) and self.plan.world_agents:
-            return self.name == WORLD
+            return name == WORLD
         if not isinstance(fault, LinkFault):
-            return fault.agent == self.name
+            return fault.agent == name
         ends = {source for source, _ in fault.links}
         if "hold" in fault.changes:
             ends |= {target for _, target in fault.links}
-        return self.name in ends
+        return name in ends
 
     def _on_fault(self, event: Event) -> None:
-        if self.dead:
+        if self.state.dead:
             return
         fault = self.faults[event[DATA]]
-        self._note_time(event)
+        self.state.advance(event)
         if isinstance(fault, LinkFault):
             self._change_links(fault)
         elif isinstance(fault, Pause):
-            self._stand_still_or_go_on()
+            self._pause_or_resume()
         elif isinstance(fault, ClockFault):
             self._set_clock()
         elif isinstance(fault, Hog):
             hogs = (other for other in self.faults.values() if isinstance(other, Hog))
-            self.hogged = max((hog.share for hog in hogs if hog.in_force(self.now_ns)), default=0.0)
+            self.hogged = max((hog.share for hog in hogs if hog.in_force(self.state.now_ns)), default=0.0)
         elif isinstance(fault, Kill) and event[TIME] == fault.at_ns:
             self._die(fault)
 
-    def _note_time(self, event: Event) -> None:
-        self._last = max(self._last, event)
-        self.now_ns = max(self.now_ns, event[TIME])
-
-    def settings(self, target: str) -> LinkSettings:
-        """Of the link to a neighbour, now: its own, changed by the faults in force and by the graph."""
-        settings = self._effective((self.name, target))
-        return settings if target in self.present or target in self.wired else replace(settings, present=False)
+    def _settings(self, target: str) -> LinkSettings:
+        """Settings of the link to a neighbour now: its own, changed by the faults in force and by the graph."""
+        settings = self._effective((self.state.name, target))
+        return settings if target in self.present or target in self.state.wired else replace(settings, present=False)
 
     def _effective(self, link: tuple[str, str]) -> LinkSettings:
         faults = [fault for fault in self.faults.values() if isinstance(fault, LinkFault)]
-        return effective(self.plan.settings(link), link, faults, self.now_ns)
+        return effective(self.plan.settings(link), link, faults, self.state.now_ns)
 
     def _change_links(self, fault: LinkFault) -> None:
         for source, target in fault.links:
-            if source == self.name:
-                self.sender.change(target, self.settings(target))
-            elif target == self.name and "hold" in fault.changes:
-                self._hold_or_release(source)
+            if source == self.state.name:
+                self.sender.change(target, self._settings(target))
+            elif target == self.state.name and "hold" in fault.changes:
+                self._update_hold(source)
 
-    def holds(self, source: str) -> bool:
-        """Whether the link from a neighbour holds frames back now."""
-        return self._effective((source, self.name)).hold
-
-    def _hold_or_release(self, source: str) -> None:
-        if self.holds(source):
-            self.receiver.hold(source)
-        else:
-            self.receiver.release(source)
+    def _update_hold(self, source: str) -> None:
+        self.receiver.set_hold(source, hold=self._effective((source, self.state.name)).hold)
 
     def _on_graph(self, event: Event) -> None:
         """Neighbours come and go."""
-        if self.dead:
+        if self.state.dead:
             return
-        self._note_time(event)
-        self.present = self.plan.present(self.name, event[TIME])
-        self.degrees = self.plan.degrees(self.name, event[TIME])
-        for target in self.neighbours:
-            self.sender.change(target, self.settings(target))
-        self.admit(event, lambda _event: self.agent.on_neighbours())
+        self.state.advance(event)
+        name, time_ns = self.state.name, event[TIME]
+        self.present = self._told.neighbours = self.plan.present(name, time_ns)
+        self._told.degrees = self.plan.degrees(name, time_ns)
+        for target in self.state.neighbours:
+            self.sender.change(target, self._settings(target))
+        self._admit(event, lambda _event: self.run_handler(self.agent.on_neighbours))
 
     def _set_clock(self) -> None:
-        """Another reading from now on: pending timers are armed anew."""
+        """Let the clock show another reading from now on, and arm pending timers anew."""
         self._read_clock()
-        self.sender.set_clock(self.clock)
+        self.sender.set_clock(self._clock)
         for count, (_, timer) in list(self._timers.items()):
             self._arm_timer(count, timer)
 
     def _read_clock(self) -> None:
-        faults = (fault for fault in self.faults.values() if isinstance(fault, ClockFault))
-        self.clock = Clock(fault for fault in faults if fault.in_force(self.now_ns))
+        faults = [fault for fault in self.faults.values() if isinstance(fault, ClockFault)]
+        now_ns = self.state.now_ns
+        self._clock = Clock(fault for fault in faults if fault.in_force(now_ns))
+        self._told.clock_jumped = any(fault.at_ns <= now_ns for fault in faults)
 
     def _die(self, kill: Kill) -> None:
         self.finish()
+        events = self.state.journal.events
         if kill.keep_state:
             self.saved = msgpack.packb(self.agent.save())
-            self.journal.events.append({"event": "state", "state": self.saved.hex()})
-        self.journal.events.append({"event": "killed", "time_ns": self.now_ns})
-        self.dead = True
+            events.append({"event": "state", "state": self.saved.hex()})
+        events.append({"event": "killed", "time_ns": self.state.now_ns})
+        self.state.dead = True
 
-    def _stand_still_or_go_on(self) -> None:
-        """Stand still as long as any pause is in force; then handle what came meanwhile, in order."""
+    def _pause_or_resume(self) -> None:
+        """Pause as long as any pause is in force; then handle what came meanwhile, in order."""
         pauses = (fault for fault in self.faults.values() if isinstance(fault, Pause))
-        if any(fault.in_force(self.now_ns) for fault in pauses):
+        if any(fault.in_force(self.state.now_ns) for fault in pauses):
             self._waiting = self._waiting or []
         elif self._waiting is not None:
             waiting, self._waiting = self._waiting, None
             for event, reading_ns, act in sorted(waiting, key=itemgetter(0)):
-                self.event_ns = reading_ns
+                self._told.event_ns = reading_ns
                 act(event)
-
-    def gone(self, agent: str, incarnation: int) -> None:
-        """The life of an agent ended from outside."""
-        if agent in self.neighbours:
-            self.receiver.gone(agent, incarnation)
 
     # -- the end, and what can be promised ----------------------------------------------------------------------
 
     def finish(self) -> None:
-        """Write down which frames still wait for their transmitter, and which are held back."""
+        """Journal which frames still wait for their transmitter, and which are held back."""
         self.sender.finish()
         self.receiver.finish()
 
     def take_journal(self) -> Batch:
         """The entries since the last call."""
-        batch, self.journal = self.journal, Batch(self.name, self.incarnation)
+        state = self.state
+        batch, state.journal = state.journal, Batch(state.name, state.incarnation)
         return batch
 
-    def heeded(self) -> tuple[str, ...]:
-        """Whose frames may make the agent act: everybody's, or the world's alone if it acts on samples and timers."""
-        if not self.timers_only or self._waiting is not None:
-            return self.neighbours
-        return tuple(name for name in self.wired if name == WORLD)
+    def triggers(self) -> tuple[str, ...]:
+        """Neighbours whose frames may make the agent act: all, or the world alone if it acts on samples and timers."""
+        if not self._timers_only or self._waiting is not None:
+            return self.state.neighbours
+        return tuple(name for name in self.state.wired if name == WORLD)
 
     def promises(self, arrivals_ns: int) -> dict[str, int]:
-        """For each outlet the earliest instant at which its next transmission can start, or for ever.
+        """For each outlet the earliest instant at which its next transmission can start; FOREVER_NS if none can.
 
-        An agent that stands still may be told to go on at any instant that nobody has passed.
+        An agent that is paused may be resumed at any instant that nobody has passed.
 
         Args:
-            arrivals_ns: no frame of those who are heeded that is yet unheard is due before this.
+            arrivals_ns: no frame of `triggers` that is yet unheard is due before this.
         """
-        if self.dead:
-            return dict.fromkeys(self.sender.outlets, OVER_NS)
-        heeded = self.heeded()
+        outlets = self.sender.outlets
+        if self.state.dead:
+            return dict.fromkeys(outlets, OVER_NS)
+        triggers = self.triggers()
         acts = arrivals_ns
-        starts, changes = (dict.fromkeys(self.sender.outlets, FOREVER_NS) for _ in range(2))
-        for event in self.heap:
+        starts, changes = (dict.fromkeys(outlets, FOREVER_NS) for _ in range(2))
+        for event in self.state.heap:
             time_ns, rank = event[TIME], event[RANK]
             if rank >= OFFER and not (rank == TRANSMIT and self.sender.contends(event[SOURCE])):
                 starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif rank < OFFER and time_ns < acts and (event[SOURCE] in heeded or not isinstance(event[DATA], Frame)):
+            elif rank < OFFER and time_ns < acts and (event[SOURCE] in triggers or not isinstance(event[DATA], Frame)):
                 acts = time_ns
             if rank == FAULT:
-                for name in self._accesses_changed(event):
+                for name in self._changes_access(event):
                     changes[name] = min(time_ns, changes[name])
-        ready = {name: min(acts + self.compute_ns, start) for name, start in starts.items()}
+        ready = {name: min(acts + self.state.compute_ns, start) for name, start in starts.items()}
         return {name: min(start, changes[name]) for name, start in self.sender.earliest_starts(ready).items()}
 
-    def _accesses_changed(self, event: Event) -> Iterable[str]:
-        """The outlets whose frames may start at other instants once a fault begins or ends."""
+    def _changes_access(self, event: Event) -> Iterable[str]:
+        """Outlets whose frames may start at other instants once a fault begins or ends."""
         fault = self.faults.get(event[DATA]) if event[HANDLER] == self._on_fault else None
         if isinstance(fault, ClockFault):
             return self.sender.outlets
         if not isinstance(fault, LinkFault) or not _ACCESS_FIELDS & fault.changes.keys():
             return ()
-        return {self.sender.outlet_of[target] for source, target in fault.links if source == self.name}
+        return {self.sender.outlet_of[target] for source, target in fault.links if source == self.state.name}

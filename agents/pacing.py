@@ -46,7 +46,7 @@ class Realtime:
         self._loop = loop
         self._speed = speed
         self._done = done
-        self._leaving: asyncio.TimerHandle | None = None
+        self._shutdown: asyncio.TimerHandle | None = None
         self._timer = TimerFd(loop, guard(self.advance))
         self._armed_ns = 0
         self._burner = Burner()
@@ -54,13 +54,13 @@ class Realtime:
 
     def begin(self, node: Node, run_start: RunStart) -> None:
         """Start the clock."""
-        self._node = node
+        self._node, self._state = node, node.state
         self._epoch_ns = run_start.epoch_ns
         self._end_ns = run_start.end_ns
         self._ahead_ns = int(_AHEAD_NS * self._speed)
-        self._early_ns = min(node.compute_ns, self._ahead_ns)
-        for source, incarnation in run_start.gone:
-            self.gone(source, incarnation)
+        self._early_ns = min(node.state.compute_ns, self._ahead_ns)
+        for source, incarnation in run_start.external_kills:
+            self.external_kill(source, incarnation)
         self.advance()
 
     def now_ns(self) -> int:
@@ -76,7 +76,7 @@ class Realtime:
             self._arm_timer(due_ns)
 
     def put(self, target: str, frame: Message) -> None:
-        """Keep a frame until the turn is over: frames that go out together cost fewer wake-ups of Zenoh's threads."""
+        """Keep a frame until the turn is over: frames sent together cost fewer wake-ups of Zenoh's threads."""
         self._outbox.append((target, frame))
 
     def _send(self) -> None:
@@ -99,14 +99,14 @@ class Realtime:
         """
         while True:
             for source, frame in self.mail.take():
-                self._node.receive(source, frame)
+                self._node.receiver.receive(source, frame)
             self._arm_timer(self._handle_due())
             if not self.mail:
                 return
 
     def _handle_due(self) -> int:
         """Handle every event whose time has come; when the next one has, on the monotonic clock."""
-        node, heap = self._node, self._node.heap
+        node, heap = self._node, self._state.heap
         now = self.now_ns()
         limit, link_limit = min(now, self._end_ns - 1), min(now + self._early_ns, self._end_ns - 1)
         if heap and heap[0][TIME] <= limit and len(self.lateness_ns) < _LATENESS_KEPT:
@@ -121,11 +121,11 @@ class Realtime:
         while heap and heap[0][RANK] == TRANSMIT and not node.sender.awaits(heap[0]):
             heappop(heap)
         self._send()
-        if heap and heap[0][TIME] < self._end_ns and not node.dead:
+        if heap and heap[0][TIME] < self._end_ns and not node.state.dead:
             return self._wall_ns(self._wake_for(heap[0], now))
-        if self._leaving is None:
+        if self._shutdown is None:
             remaining_s = max(0.0, (self._end_ns - now) / 1e9 / self._speed)
-            self._leaving = self._loop.call_later(_DRAIN_S if node.dead else remaining_s + _GRACE_S, self._done)
+            self._shutdown = self._loop.call_later(_DRAIN_S if node.state.dead else remaining_s + _GRACE_S, self._done)
         return FOREVER_NS
 
     def _wake_for(self, event: Event, now_ns: int) -> int:
@@ -140,40 +140,40 @@ class Realtime:
 
         Of a fault that is armed anew for a later start, the earlier one must not have passed either.
         """
-        faults, passed_ns = list(faults), self.hold()
+        faults, passed_ns = list(faults), self.freeze()
         known = self._node.known
         moved = (known[new.id].at_ns for new in faults if new.id in known and known[new.id].at_ns != new.at_ns)
         in_time = min([instant_ns, *moved]) > passed_ns
         for fault in faults:
             self._node.arm(fault)
-        self._stay()
+        self._cancel_shutdown()
         self.advance()
         return in_time
 
-    def _stay(self) -> None:
-        """There is something to come after all: when to leave is decided anew."""
-        if self._leaving is not None and not self._node.dead:
-            self._leaving.cancel()
-            self._leaving = None
+    def _cancel_shutdown(self) -> None:
+        """Cancel the pending shutdown."""
+        if self._shutdown is not None and not self._state.dead:
+            self._shutdown.cancel()
+            self._shutdown = None
 
     def end_at(self, instant_ns: int) -> bool:
         """End the run at an instant; whether it is still to come."""
-        in_time = instant_ns > self.hold()
+        in_time = instant_ns > self.freeze()
         self._end_ns = instant_ns
-        self._stay()
+        self._cancel_shutdown()
         self.advance()
         return in_time
 
-    def hold(self) -> int:
-        """Wall time cannot be held; the instant that nothing handled has passed."""
-        return max(self.now_ns() + self._ahead_ns, self._node.now_ns)
+    def freeze(self) -> int:
+        """The instant that no event handled so far has passed; wall time cannot be frozen."""
+        return max(self.now_ns() + self._ahead_ns, self._state.now_ns)
 
-    def release(self) -> None:
-        """Nothing was held."""
+    def thaw(self) -> None:
+        """Nothing was frozen."""
 
-    def gone(self, agent: str, incarnation: int) -> None:
-        """A life ended from outside. Nobody waits for it here."""
-        self._node.gone(agent, incarnation)
+    def external_kill(self, agent: str, incarnation: int) -> None:
+        """Note an incarnation that was killed externally; in this pace nobody waits for it."""
+        self._node.receiver.external_kill(agent, incarnation)
 
     def close(self) -> None:
         """Stop the timer, and whatever hogs the processor."""

@@ -39,8 +39,8 @@ FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
 _REHEARSAL_NS = 200_000_000
 _ORDERS_LIMIT = 1_000
-_OF_LIFE = {"arm", "gone", "hold", "release", "end"}
-"""Orders that mean nothing to a process on standby: it is told all when it comes to life."""
+_NEEDS_NODE = {"arm", "external-kill", "freeze", "thaw", "end"}
+"""Orders without effect on a process on standby: it is told everything when its incarnation starts."""
 Pace = Literal["realtime", "lockstep"]
 
 
@@ -148,7 +148,7 @@ class _Shell:
     def _crash(self, error: Exception) -> None:
         if self._node is not None:
             text = "".join(traceback.format_exception(error))
-            self._node.journal.events.append({"event": "crashed", "error": str(error), "traceback": text})
+            self._node.state.journal.events.append({"event": "crashed", "error": str(error), "traceback": text})
         self._crashed = True
         self._stopped.set()
 
@@ -179,13 +179,13 @@ class _Shell:
             "rehearse": self._rehearse,
             "start": self._start,
             "arm": self._arm,
-            "gone": self._gone,
-            "hold": self._pacer.hold,
-            "release": self._pacer.release,
+            "external-kill": self._external_kill,
+            "freeze": self._pacer.freeze,
+            "thaw": self._pacer.thaw,
             "end": self._end,
             "stop": self._stop,
         }
-        if self._node is None and do in _OF_LIFE:
+        if self._node is None and do in _NEEDS_NODE:
             return True if do == "arm" else 0
         return orders[do](**order)
 
@@ -211,10 +211,10 @@ class _Shell:
         def carry(source: str) -> Put:
             def put(outlet: str, message: Message) -> None:
                 if outlet in nodes:
-                    nodes[outlet].receive(source, decode(encode(message)))
+                    nodes[outlet].receiver.receive(source, decode(encode(message)))
                 elif source == me.name and outlet not in me.wired:
                     for target in me.neighbours if outlet == AIR else (outlet,):
-                        nodes[source].receive(target, decode(encode(message)))
+                        nodes[source].receiver.receive(target, decode(encode(message)))
 
             return put
 
@@ -229,13 +229,13 @@ class _Shell:
         for fault in faults:
             node.arm(from_plain(fault))
         self._node = node
-        gone = tuple((name, incarnation) for name, incarnation in run_start.pop("gone"))
-        self._pacer.begin(node, RunStart(gone=gone, **run_start))
+        kills = tuple((name, incarnation) for name, incarnation in run_start.pop("external_kills"))
+        self._pacer.begin(node, RunStart(external_kills=kills, **run_start))
         return True
 
-    def _gone(self, agent: str, incarnation: int) -> bool:
-        """The life of another agent ended from outside."""
-        self._pacer.gone(agent, incarnation)
+    def _external_kill(self, agent: str, incarnation: int) -> bool:
+        """Another agent was killed externally."""
+        self._pacer.external_kill(agent, incarnation)
         return True
 
     def _arm(self, faults: list[Any], instant_ns: int) -> bool:
@@ -277,20 +277,20 @@ class _Shell:
     def _done(self) -> None:
         """The run is over for this node: an injected kill, or the end."""
         assert self._node is not None
-        if self._node.dead and not self._killed:
+        if self._node.state.dead and not self._killed:
             self._killed = True
             self._stopped.set()
-        elif not self._node.dead:
+        elif not self._node.state.dead:
             self._finish()
 
     def _finish(self) -> None:
         if self._node is None or self._finished:
             return
         self._finished = True
-        if not self._node.dead:
+        if not self._node.state.dead:
             self._node.finish()
         usage = resource.getrusage(resource.RUSAGE_SELF)
-        self._node.journal.events.append(
+        self._node.state.journal.events.append(
             {
                 "event": "done",
                 "time_ns": self._pacer.now_ns(),

@@ -17,10 +17,11 @@ class RunStart:
     """What an agent is told of the run that it joins.
 
     epoch_ns: where nominal time 0 is on the monotonic clock. end_ns: nominal end. interventions: how often somebody has
-    intervened so far. gone: lives that ended from outside.
+    intervened so far. external_kills: agents and
+    incarnations that were killed externally.
     """
 
     epoch_ns: int
     end_ns: int
     interventions: int = 0
-    gone: tuple[tuple[str, int], ...] = ()
+    external_kills: tuple[tuple[str, int], ...] = ()

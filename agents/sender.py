@@ -1,4 +1,4 @@
-"""The sending side of a node: its transmitters, what is offered to them, and when the next frames can start.
+"""The sender of a node: its transmitters, what is offered to them, and when the next frames can start.
 
 An *outlet* is where frames leave: a neighbour's name for the link to it, or AIR for the radio that all links of a
 shared medium have in common.
@@ -6,10 +6,8 @@ shared medium have in common.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping
 
-from ..errors import BadInput
 from ..randomness import stream
 from ..topologies import natural_key
 from ..transport.clock import Clock
@@ -17,140 +15,127 @@ from ..transport.csma import Contention, Csma
 from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, SOURCE, TIME, TRANSMIT, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import ACCESS, DELIVERED, LinkSettings
-from ..transport.media import AIR, HalfDuplex, on_air
+from ..transport.media import AIR, Ether, HalfDuplex, on_air
 from ..transport.propagation import Copy, Propagation
 from ..transport.stages import Surroundings
 from ..transport.transmitter import Transmission, Transmitter
 from .journal import Dropped, Sent
-
-if TYPE_CHECKING:
-    from .node import Node
+from .node_state import NodeState
+from .plan import Plan
 
 Put = Callable[[str, Message], None]
-
-
-class FrameTooLarge(BadInput):
-    """A payload over the MTU of its link."""
+"""Called with (outlet, message) when a transmission starts."""
 
 
 class Sender:
     """The transmitters of one node.
 
-    `outlets`: their names. `sent`: outlet → transmissions so far. `awaited`: outlet → the next start that is scheduled.
+    Args:
+        state: of the node.
+        plan: for random streams, slots and distances.
+        settings: neighbour → settings of the link to it at the start.
+        ether: the transmissions that the node hears, for carrier sensing.
+        put: takes the messages.
+
+    `outlets`: name → transmitter. `outlet_of`: neighbour → name of its outlet. `mtus`: outlet → MTU [bytes]. `sent`:
+    outlet → transmissions so far. `contention`: of the radio, where it accesses its medium by carrier sense.
     """
 
-    def __init__(self, node: Node, put: Put) -> None:
-        self._node = node
-        self._put = put
+    def __init__(
+        self, state: NodeState, plan: Plan, settings: Mapping[str, LinkSettings], ether: Ether, put: Put
+    ) -> None:
+        self._state, self._ether, self._put = state, ether, put
+        self._seed = plan.seed
         self._count = 0
-        ways = {target: self._way(target) for target in node.neighbours}
-        shared = [way for way in ways.values() if on_air(way.settings.medium)]
+        ways = [Propagation(target, _surroundings(state, plan, target), link) for target, link in settings.items()]
+        shared = [way for way in ways if on_air(way.settings.medium)]
         self.outlets = {
-            target: Transmitter([way], int(natural_key(node.name) > natural_key(target)))
-            for target, way in ways.items()
+            way.target: Transmitter([way], int(natural_key(state.name) > natural_key(way.target)))
+            for way in ways
             if way not in shared
         }
         if shared:
-            self.outlets[AIR] = Transmitter(shared, *node.plan.slots.get(node.name, (0, 1)))
+            self.outlets[AIR] = Transmitter(shared, *plan.slots.get(state.name, (0, 1)))
         self.outlet_of = {way.target: name for name, outlet in self.outlets.items() for way in outlet.ways}
+        self.mtus = {name: outlet.settings.mtu for name, outlet in self.outlets.items()}
         self.sent = dict.fromkeys(self.outlets, 0)
         self.contention: Contention | None = None
         self._accesses = 0
         if shared:
             self._set_access()
-        self.awaited: dict[str, int] = {}
+        self._scheduled: dict[str, int] = {}
 
     def _set_access(self) -> None:
-        """Contend by carrier sense from now on, or no more, as the radio's settings say."""
+        """Begin or end carrier sensing, as the radio's settings say."""
         medium = self.outlets[AIR].settings.medium
         access = medium.access if isinstance(medium, HalfDuplex) else None
         if access == (self.contention.access if self.contention else None):
             return
-        node = self._node
         self.contention = None
         if isinstance(access, Csma):
             self._accesses += 1
-            words = (node.name, str(node.incarnation), str(self._accesses))
-            self.contention = Contention(access, stream(node.plan.seed, "backoff", *words))
-
-    def _way(self, target: str) -> Propagation:
-        node, plan = self._node, self._node.plan
-        around = Surroundings.of(
-            plan.seed, node.name, target, node.incarnation, lambda time_ns: plan.distance_m(node.name, target, time_ns)
-        )
-        return Propagation(target, around, node.settings(target))
+            words = (self._state.name, str(self._state.incarnation), str(self._accesses))
+            self.contention = Contention(access, stream(self._seed, "backoff", *words))
 
     # -- frames -------------------------------------------------------------------------------------------------
 
-    def send(self, targets: Collection[str], payload: bytes, stream: str) -> None:
-        """Hand a payload to one outlet; it is offered `compute` later.
-
-        Raises:
-            FrameTooLarge: the payload is over the MTU; it counts as refused.
-        """
-        node = self._node
-        name = self.outlet_of[next(iter(targets))]
-        outlet = self.outlets[name]
-        if len(payload) > (mtu := outlet.settings.mtu):
-            self._drop(outlet.count(targets), node.now_ns, "refused")
-            raise FrameTooLarge(
-                f"agent {node.name}: {len(payload)} B for {', '.join(targets)}, the link's MTU is {mtu} B"
-            )
+    def offer(self, targets: tuple[str, ...], payload: bytes, stream: str) -> None:
+        """Offer a payload to the outlet of its targets, `compute` later."""
+        name = self.outlet_of[targets[0]]
         self._count += 1
-        data = (targets, payload, stream)
-        node.schedule(node.now_ns + node.compute_ns, OFFER, name, self._count, self._on_offer, data)
+        ready_ns = self._state.now_ns + self._state.compute_ns
+        self._state.schedule(ready_ns, OFFER, name, self._count, self._on_offer, (targets, payload, stream))
 
-    def broadcast(self, targets: Collection[str], payload: bytes, stream: str) -> None:
-        """Hand a payload to every link: once for those of the radio, and to each of the others."""
-        shared = [target for target in targets if self.outlet_of[target] == AIR]
-        for group in ([shared] if shared else []) + [[target] for target in targets if target not in shared]:
-            self.send(tuple(group), payload, stream)
+    def refuse(self, targets: tuple[str, ...]) -> None:
+        """Count a payload over the MTU."""
+        outlet = self.outlets[self.outlet_of[targets[0]]]
+        self._drop(outlet.count(targets), self._state.now_ns, "refused")
 
     def _drop(self, numbered: Iterable[tuple[str, int]], time_ns: int, cause: str) -> None:
-        self._node.journal.dropped += [Dropped(target, sequence, time_ns, cause) for target, sequence in numbered]
+        self._state.journal.dropped += [Dropped(target, sequence, time_ns, cause) for target, sequence in numbered]
 
     def _on_offer(self, event: Event) -> None:
-        if self._node.dead:
+        if self._state.dead:
             return
         name = event[SOURCE]
         self._drop(self.outlets[name].offer(event[TIME], *event[DATA]), event[TIME], "queue")
-        self._pump(name, event[TIME])
+        self._start_next(name, event[TIME])
 
     def senses(self, event: Event) -> bool:
-        """Whether at this event the radio has listened to the channel, and decides by what it heard."""
+        """Whether this event ends a clear channel assessment of the radio."""
         return event[HANDLER] == self._on_sensed
 
     def contends(self, name: str) -> bool:
-        """Whether an outlet gets hold of its medium by carrier sense."""
+        """Whether an outlet accesses its medium by carrier sense."""
         return name == AIR and self.contention is not None
 
     def _contend(self, contention: Contention, from_ns: int) -> None:
-        """Listen for the frame at the head of the queue, if none is in hand."""
+        """Begin contention for the frame at the head of the queue, unless one is under way."""
         if contention.idle and self.outlets[AIR].waiting():
             self._listen(contention.begin(self.outlets[AIR].head_ready(from_ns)))
 
     def _listen(self, until_ns: int) -> None:
         self._count += 1
-        self._node.schedule(until_ns, TRANSMIT, AIR, self._count, self._on_sensed, None)
+        self._state.schedule(until_ns, TRANSMIT, AIR, self._count, self._on_sensed, None)
 
     def _on_sensed(self, event: Event) -> None:
         contention, now_ns = self.contention, event[TIME]
-        if self._node.dead or contention is None or contention.sense_ns != now_ns:
+        if self._state.dead or contention is None or contention.sense_ns != now_ns:
             return
-        busy = self._node.receiver.ether.busy(now_ns - contention.access.cca, now_ns)
+        busy = self._ether.busy(now_ns - contention.access.cca, now_ns)
         if not contention.sensed(now_ns, busy=busy):
             self._drop(self.outlets[AIR].give_up(), now_ns, ACCESS)
             self._contend(contention, now_ns)
         elif contention.start_ns is not None:
             self._count += 1
-            self._node.schedule(contention.start_ns, TRANSMIT, AIR, self._count, self._on_free, None)
+            self._state.schedule(contention.start_ns, TRANSMIT, AIR, self._count, self._on_channel_free, None)
         elif contention.sense_ns is not None:
             self._listen(contention.sense_ns)
 
-    def _on_free(self, event: Event) -> None:
-        """The channel was free, and the radio has turned round."""
+    def _on_channel_free(self, event: Event) -> None:
+        """The channel was clear, and the radio has turned from receiving to transmitting."""
         contention = self.contention
-        if self._node.dead or contention is None or contention.start_ns != event[TIME]:
+        if self._state.dead or contention is None or contention.start_ns != event[TIME]:
             return
         contention.started()
         if self.outlets[AIR].head_ready(event[TIME]) > event[TIME]:
@@ -161,58 +146,57 @@ class Sender:
         self._transmit(AIR, transmission)
 
     def _on_transmit(self, event: Event) -> None:
-        if self._node.dead:
+        if self._state.dead:
             return
         name = event[SOURCE]
         if self.awaits(event):
-            del self.awaited[name]
-        self._pump(name, event[TIME])
+            del self._scheduled[name]
+        self._start_next(name, event[TIME])
 
-    def _pump(self, name: str, now_ns: int) -> None:
-        """Start the next frame if it may start now; while frames wait, there is an event for the next start."""
+    def _start_next(self, name: str, now_ns: int) -> None:
+        """Start the next frame if it may start now, and schedule the start after it while frames wait."""
         if name == AIR and self.contention is not None:
             self._contend(self.contention, now_ns)
             return
         outlet = self.outlets[name]
         start = outlet.next_start(now_ns)
         if start is None or start > now_ns:
-            self._come_back(name, start)
+            self._schedule_start(name, start)
             return
-        self.awaited.pop(name, None)
+        self._scheduled.pop(name, None)
         transmission = outlet.transmit(now_ns)
-        self._come_back(name, outlet.next_start(now_ns))
+        self._schedule_start(name, outlet.next_start(now_ns))
         self._transmit(name, transmission)
 
     def transmit_ahead(self, before_ns: int) -> None:
-        """Put frames on the wire whose start is settled and lies before an instant, as nothing changes in between.
+        """Put frames on the wire early, whose start before an instant is settled because nothing changes until then.
 
-        Their nominal start, and all that follows from it, is the same; the network gains the time until then.
+        Their nominal start, and all that follows from it, stays the same; the network gains the time until then.
         """
         for name, outlet in self.outlets.items():
-            while outlet.settled and (start := self.awaited.get(name, before_ns)) < before_ns:
-                del self.awaited[name]
+            while outlet.settled and (start := self._scheduled.get(name, before_ns)) < before_ns:
+                del self._scheduled[name]
                 transmission = outlet.transmit_ahead(start)
-                self._come_back(name, outlet.next_start(start))
+                self._schedule_start(name, outlet.next_start(start))
                 self._transmit(name, transmission)
 
     def awaits(self, transmit: Event) -> bool:
-        """Whether a frame still waits for this start, and was not put on the wire ahead of it."""
-        return self.awaited.get(transmit[SOURCE]) == transmit[TIME]
+        """Whether a frame still waits for this start, and was not put on the wire early."""
+        return self._scheduled.get(transmit[SOURCE]) == transmit[TIME]
 
-    def _come_back(self, name: str, start: int | None) -> None:
+    def _schedule_start(self, name: str, start: int | None) -> None:
         if self.contends(name):
             return
-        if start is not None and start < self.awaited.get(name, FOREVER_NS):
-            self.awaited[name] = start
+        if start is not None and start < self._scheduled.get(name, FOREVER_NS):
+            self._scheduled[name] = start
             self._count += 1
-            self._node.schedule(start, TRANSMIT, name, self._count, self._on_transmit, None)
+            self._state.schedule(start, TRANSMIT, name, self._count, self._on_transmit, None)
 
     def _transmit(self, name: str, transmission: Transmission) -> None:
-        self._node.receiver.note()
         payload, start, airtime, copies = transmission
-        incarnation, journal = self._node.incarnation, self._node.journal.sent
+        incarnation, journal = self._state.incarnation, self._state.journal.sent
         for target, sequence, copy, due, verdict in copies:
-            if target not in self._node.wired:
+            if target not in self._state.wired:
                 journal.append(Sent(target, sequence, len(payload), start, airtime, due, verdict, copy))
             if name != AIR:
                 self.sent[name] = sent = self.sent[name] + 1
@@ -227,28 +211,33 @@ class Sender:
     # -- changes ------------------------------------------------------------------------------------------------
 
     def change(self, target: str, settings: LinkSettings) -> None:
-        """A link has new settings from now on."""
+        """Give a link new settings from now on."""
         name = self.outlet_of[target]
         self.outlets[name].change(target, settings)
+        self.mtus[name] = self.outlets[name].settings.mtu
         if name == AIR:
             self._set_access()
             if self.contention is not None:
-                self._contend(self.contention, self._node.now_ns)
-        self._start_anew(name)
+                self._contend(self.contention, self._state.now_ns)
+        self._reschedule(name)
 
     def set_clock(self, clock: Clock) -> None:
-        """Slots follow another reading from now on."""
+        """Let slots follow another clock reading from now on."""
         for name, outlet in self.outlets.items():
             outlet.set_clock(clock)
-            self._start_anew(name)
+            self._reschedule(name)
 
-    def _start_anew(self, name: str) -> None:
-        """The next start is another, perhaps a later one, than it was."""
-        self.awaited.pop(name, None)
-        self._come_back(name, self.outlets[name].next_start(self._node.now_ns))
+    def _reschedule(self, name: str) -> None:
+        """Schedule the next start anew; it may be a later one."""
+        self._scheduled.pop(name, None)
+        self._schedule_start(name, self.outlets[name].next_start(self._state.now_ns))
 
     def earliest_starts(self, ready_ns: Mapping[str, int]) -> dict[str, int]:
-        """Outlet → earliest start of a frame in hand, or not offered before an instant; for ever stays for ever."""
+        """Outlet → earliest start of a frame in hand, or of one not offered before an instant.
+
+        Args:
+            ready_ns: outlet → that instant; where it is FOREVER_NS or later it is returned as it is.
+        """
         starts = {
             name: ready if ready >= FOREVER_NS else self.outlets[name].earliest_next(ready)
             for name, ready in ready_ns.items()
@@ -258,13 +247,19 @@ class Sender:
         return starts
 
     def finish(self) -> None:
-        """Write down which frames still wait for their transmitter."""
+        """Journal which frames still wait for their transmitter."""
         waiting: dict[str, list[int]] = {}
         for outlet in self.outlets.values():
             for target, sequence in outlet.waiting():
                 waiting.setdefault(target, []).append(sequence)
         for target, sequences in waiting.items():
-            self._node.journal.events.append({"event": "queued", "target": target, "sequences": sequences})
+            self._state.journal.events.append({"event": "queued", "target": target, "sequences": sequences})
+
+
+def _surroundings(state: NodeState, plan: Plan, target: str) -> Surroundings:
+    return Surroundings.of(
+        plan.seed, state.name, target, state.incarnation, lambda time_ns: plan.distance_m(state.name, target, time_ns)
+    )
 
 
 def _by_target(copies: Iterable[Copy]) -> dict[str, tuple[Copy, ...]]:

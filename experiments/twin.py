@@ -67,7 +67,7 @@ class Twin:
     def _node(self, name: str, incarnation: int, start_ns: int, saved: bytes | None = None) -> Node:
         index = self._order[name] + incarnation * len(self._order)
         node = Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
-        node.receiver.unheard_ns = lambda: node.now_ns  # here whatever starts is heard at once
+        node.receiver.unheard_ns = lambda: node.state.now_ns  # here whatever starts is heard at once
         return node
 
     def _carry(self, source: str) -> Put:
@@ -75,9 +75,9 @@ class Twin:
             carried = decode(encode(message))
             for target in self._reached(source, outlet):
                 node = self.nodes[target]
-                last = self._last_heard.get(((source, message.incarnation), (target, node.incarnation)))
+                last = self._last_heard.get(((source, message.incarnation), (target, node.state.incarnation)))
                 if last is None or last >= message.sent:
-                    node.receive(source, carried)
+                    node.receiver.receive(source, carried)
 
         return put
 
@@ -111,7 +111,7 @@ class Twin:
         with one_blas_thread():
             end_ns = fabric.run(self.heap, self._plan.duration_ns, _PROGRESS_EVERY_NS, flush)
         for node in self.nodes.values():
-            if not node.dead:
+            if not node.state.dead:
                 node.finish()
         flush(end_ns)
         if end_ns < self._plan.duration_ns:

@@ -43,18 +43,18 @@ def earliest_due(promise_ns: int, segments: tuple[Segment, ...]) -> int:
     return min(max(promise_ns, start) + ahead for start, end, ahead in segments if end > promise_ns)
 
 
-class Horizon:
-    """What the neighbours of one agent have promised, and who of them is down.
+class NeighbourPromises:
+    """What the neighbours of one agent have promised, and which of them are down.
 
-    A neighbour that is down until R starts nothing before, but what is meant for its next life must not be put before
-    that has come: until it is heard of, nothing from R on is safe.
+    A neighbour that is down until R starts nothing before R, but what is meant for its next incarnation must not be put
+    before that has come: until it is heard, nothing from R on is safe.
 
     Args:
         name: the agent.
         segments: neighbour → lookahead of the link from it over time.
-        interventions: how often somebody has intervened in the run so far.
-        lives: for an agent that comes to life in a swarm that runs already: neighbour → the first of its lives that
-            counts. Its first message says how many frames came before.
+        interventions: number of interventions in the run so far.
+        incarnations: for an agent that joins a running swarm: neighbour → its first incarnation that counts. The first
+            message of that says how many frames came before.
     """
 
     def __init__(
@@ -63,35 +63,35 @@ class Horizon:
         segments: Mapping[str, tuple[Segment, ...]],
         interventions: int = 0,
         *,
-        lives: Mapping[str, int] | None = None,
+        incarnations: Mapping[str, int] | None = None,
     ) -> None:
-        first = None if lives else 0
+        first = None if incarnations else 0
         self._name = name
         self.interventions = interventions
         self._segments = dict(segments)
         self._promises = dict.fromkeys(segments, 0)
         self._received: dict[str, int | None] = dict.fromkeys(segments, first)
-        self._lives: dict[str, int | None] = dict.fromkeys(segments, first)
-        self._over = {source: (lives or {}).get(source, 0) - 1 for source in segments}
+        self._incarnations: dict[str, int | None] = dict.fromkeys(segments, first)
+        self._ended = {source: (incarnations or {}).get(source, 0) - 1 for source in segments}
         self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
-        self._gone: dict[str, int] = {}
+        self._killed_externally: dict[str, int] = {}
         self._bounds: dict[str, int] = {}
         for source in segments:
-            self._rebound(source)
+            self._update_bound(source)
 
     def heard(self, source: str, message: Message) -> bool:
-        """Take note of a frame or promise; False for one of a life that is over, which counts for nothing.
+        """Note a frame or promise; False for one of an incarnation that has ended, which is to be ignored.
 
         Raises:
             FrameMissing: the sender has put more frames than have come.
         """
-        known = self._lives[source]
-        first = max(self._over[source] + 1, known or 0)
-        if not first <= message.incarnation < self._gone.get(source, _NEVER):
+        known = self._incarnations[source]
+        first = max(self._ended[source] + 1, known or 0)
+        if not first <= message.incarnation < self._killed_externally.get(source, _NEVER):
             return False
         if message.incarnation != known:
             self._received[source] = None if known is None else 0
-            self._lives[source] = message.incarnation
+            self._incarnations[source] = message.incarnation
             self._promises[source] = 0
         received = self._received[source]
         if received is None:
@@ -101,64 +101,64 @@ class Horizon:
         self._received[source] = received
         if received != message.sent:
             raise FrameMissing(f"link {source}>{self._name}: {message.sent} frames were sent, {received} have come")
-        if message.promise_ns is not None and self._holds(message.promise_ns):
+        if message.promise_ns is not None and self._is_valid(message.promise_ns):
             self._promises[source] = max(self._promises[source], message.promise_ns)
-        self._rebound(source)
+        self._update_bound(source)
         return True
 
-    def _holds(self, promise_ns: int) -> bool:
-        """Whether a promise still holds: one for ever does until somebody intervenes, that of the dead in any case."""
+    def _is_valid(self, promise_ns: int) -> bool:
+        """Whether a promise is still valid: one for ever is until the next intervention, that of the dead always."""
         return promise_ns < FOREVER_NS or promise_ns - FOREVER_NS >= self.interventions
 
     def forever_ns(self) -> int:
-        """The promise for ever, which says how often somebody had intervened when it was given."""
+        """The promise for ever; it carries the number of interventions when it was given."""
         return FOREVER_NS + self.interventions
 
     def knows(self, source: str, incarnation: int) -> bool:
-        """Whether this life of a neighbour has been heard of."""
-        known = self._lives[source]
+        """Whether an incarnation of a neighbour has been heard."""
+        known = self._incarnations[source]
         return known is not None and known >= incarnation
 
     def relink(self, source: str, segments: tuple[Segment, ...]) -> None:
-        """A live fault changes the lookahead of a link from an instant that nobody has passed."""
+        """Give a link another lookahead, which a live fault changes from an instant that nobody has passed."""
         self._segments[source] = segments
-        self._rebound(source)
+        self._update_bound(source)
 
     def expect(self, source: str, returns: list[tuple[int, int]]) -> None:
-        """A neighbour comes back: (life, from when on), for each of its restarts; one whose life was ended does not."""
-        gone = self._gone.get(source, _NEVER)
-        self._returns[source] = [(life, from_ns) for life, from_ns in returns if life < gone]
-        self._rebound(source)
+        """Expect a neighbour back: (incarnation, start) of each restart; an external kill cancels those to come."""
+        killed = self._killed_externally.get(source, _NEVER)
+        self._returns[source] = [(incarnation, from_ns) for incarnation, from_ns in returns if incarnation < killed]
+        self._update_bound(source)
 
     def down(self, source: str) -> None:
-        """A neighbour is down: it starts nothing until it comes back as expected."""
+        """Note that a neighbour is down: it starts nothing until it returns as expected."""
         self._promises[source] = OVER_NS
-        self._rebound(source)
+        self._update_bound(source)
 
-    def gone(self, source: str, incarnation: int) -> None:
-        """A life ended from outside: what is heard of it from now on counts for nothing, and it starts nothing more.
+    def external_kill(self, source: str, incarnation: int) -> None:
+        """Ignore further messages of an incarnation that was killed externally; it starts nothing more.
 
-        What the lives before it have said may still be on its way.
+        Messages of the incarnations before it may still be on their way.
         """
         if source in self._promises:
-            self._gone[source] = incarnation
-            known = self._lives[source]
-            if incarnation <= (self._over[source] + 1 if known is None else known):
+            self._killed_externally[source] = incarnation
+            known = self._incarnations[source]
+            if incarnation <= (self._ended[source] + 1 if known is None else known):
                 self._promises[source] = OVER_NS
             self.expect(source, self._returns[source])
 
     def intervene(self, instant_ns: int) -> None:
-        """Somebody intervenes at an instant that nobody has passed: promises for ever hold until then only."""
+        """Note an intervention at an instant that nobody has passed, which ends the validity of promises for ever."""
         self.interventions += 1
         for source, promise_ns in self._promises.items():
             if FOREVER_NS <= promise_ns < OVER_NS:
                 self._promises[source] = instant_ns
-                self._rebound(source)
+                self._update_bound(source)
 
-    def _rebound(self, source: str) -> None:
-        """Nothing of a neighbour that is yet unheard is due before its bound."""
+    def _update_bound(self, source: str) -> None:
+        """Bound of a neighbour: no frame of it that is yet unheard is due before."""
         due_ns = earliest_due(self._promises[source], self._segments[source])
-        returns = (from_ns for life, from_ns in self._returns[source] if not self.knows(source, life))
+        returns = (start_ns for number, start_ns in self._returns[source] if not self.knows(source, number))
         self._bounds[source] = min([due_ns, *returns])
 
     def safe_ns(self, sources: Iterable[str] | None = None) -> int:
@@ -167,12 +167,12 @@ class Horizon:
         return min(bounds, default=FOREVER_NS)
 
     def unstarted_ns(self) -> int:
-        """Nothing that is yet unheard starts before this instant, unless somebody intervenes."""
+        """No transmission that is yet unheard starts before this instant, unless there is an intervention."""
         returns = (
             from_ns
-            for source, lives in self._returns.items()
-            for life, from_ns in lives
-            if not self.knows(source, life)
+            for source, expected in self._returns.items()
+            for incarnation, from_ns in expected
+            if not self.knows(source, incarnation)
         )
         return min([*self._promises.values(), *returns], default=FOREVER_NS)
 
@@ -181,6 +181,6 @@ class Horizon:
         return {source for source in sources if self._promises[source] < time_ns}
 
     def blocking(self) -> set[str]:
-        """The neighbours that must be heard, every one of them, before `safe_ns` can grow."""
+        """The neighbours that must all be heard before `safe_ns` can grow."""
         safe = self.safe_ns()
         return {source for source, bound in self._bounds.items() if bound == safe}

@@ -75,32 +75,32 @@ class Injector:
         If some agent was too slow they are armed anew for a later instant, as long as they have no effect anywhere yet.
         """
         swarm = self._swarm
-        held_ns = await self._hold() if swarm.pace == "lockstep" else 0
+        frozen_ns = await self._freeze() if swarm.pace == "lockstep" else 0
         for _ in range(_TRIES):
-            at_ns = held_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
+            at_ns = frozen_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
             in_time = await self._tell(faults, at_ns)
             if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
                 break
         if swarm.pace == "lockstep":
-            await swarm.order({"do": "release"})
+            await swarm.order({"do": "thaw"})
         for fault in faults:
             self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
         self._say_if_late(faults, at_ns, in_time=in_time)
         return at_ns, faults
 
-    async def _hold(self) -> int:
-        """Let everybody stand still, in lockstep pace; the first instant of which nobody has said anything yet.
+    async def _freeze(self) -> int:
+        """Freeze all agents, in lockstep pace; the first instant of which no agent has said anything yet.
 
         Raises:
             BadInput: there is none for somebody who has no living neighbour to wait for, and is at the end already.
         """
-        answers = await self._swarm.order({"do": "hold"})
+        answers = await self._swarm.order({"do": "freeze"})
         mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
         absent = self._swarm.status.alive - mortal - {name for name, _ in answers}
         instant_ns: int = max([self._now_ns(), *answers.values()]) + 1
         if absent or instant_ns >= self._swarm.end_ns:
-            await self._swarm.order({"do": "release"})
+            await self._swarm.order({"do": "thaw"})
             who = f"agent {', '.join(sorted(absent))} does" if absent else "somebody has no neighbour alive and does"
             raise BadInput(f"{who} not wait for others: there is no instant that all have still before them")
         return instant_ns
@@ -206,7 +206,7 @@ class Injector:
         """End faults at one instant; a new process stands by for each agent that comes back then."""
         if self._swarm.pace == "lockstep":
             async with self._swarm.intervening:
-                until_ns = await self._hold()
+                until_ns = await self._freeze()
                 await self._end_at(faults, await self._standbys(faults), until_ns)
         else:
             revived = await self._standbys(faults)
@@ -227,7 +227,7 @@ class Injector:
         for key, kill in revived:
             await swarm.restarts.revive(key, replace(kill, until_ns=until_ns), until_ns)
         if swarm.pace == "lockstep":
-            await swarm.order({"do": "release"})
+            await swarm.order({"do": "thaw"})
         elif revived:
             in_time = in_time and swarm.now_ns() <= until_ns
         self._newest_ns = until_ns

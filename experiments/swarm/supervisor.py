@@ -98,7 +98,7 @@ class Swarm:
         self.end_ns = plan.duration_ns
         self._living: dict[str, int] = {}
         self.restarts = Restarts(self)
-        self.gone: set[tuple[str, int]] = set()
+        self.external_kills: set[tuple[str, int]] = set()
 
     async def run(self) -> Ending:
         """The whole life of the swarm; however it ends, no process and no session is left behind.
@@ -160,7 +160,7 @@ class Swarm:
             "epoch_ns": self._epoch_ns,
             "end_ns": self.end_ns,
             "interventions": self.interventions,
-            "gone": sorted(self.gone),
+            "external_kills": sorted(self.external_kills),
         }
         faults = [to_plain(fault) for fault in self.live_faults.values()]
         return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "run_start": run_start}
@@ -272,11 +272,11 @@ class Swarm:
             self._over.set()
             return
         async with self.intervening:
-            held = (await self.order({"do": "hold"})).values()
+            frozen = (await self.order({"do": "freeze"})).values()
             ahead = [self.ahead_ns(_STOP_AHEAD_S)] if self.pace == "realtime" else []
-            self.end_ns = max([*held, *ahead]) + 1
+            self.end_ns = max([*frozen, *ahead]) + 1
             await self.order({"do": "end", "instant_ns": self.end_ns})
-            await self.order({"do": "release"})
+            await self.order({"do": "thaw"})
         self._sink.event({"event": "stopped", "time_ns": self.end_ns})
 
     # -- what is heard ------------------------------------------------------------------------------------------
@@ -342,14 +342,14 @@ class Swarm:
         self._check_over()
 
     async def _end_from_outside(self, name: str, incarnation: int, cause: str) -> None:
-        self.gone.add((name, incarnation))
+        self.external_kills.add((name, incarnation))
         self.restarts.forget(name)
         if cause.startswith("ended") or name in {one.name for one in self.plan.world_agents}:
             self._problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self._over.set()
         elif self.ready.is_set():
-            await self.order({"do": "gone", "agent": name, "incarnation": incarnation})
+            await self.order({"do": "external-kill", "agent": name, "incarnation": incarnation})
 
     def _check_over(self) -> None:
         newest = {name: self._members[self.current(name)] for name, _ in self._members}

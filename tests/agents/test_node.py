@@ -8,12 +8,19 @@ from dataclasses import replace
 import pytest
 
 from volery.agents import receiver
-from volery.agents.agent import Agent, NoParameters, Received, Sample, Timer
-from volery.agents.context import BrokenPromise, NotANeighbour
+from volery.agents.agent import (
+    Agent,
+    BrokenPromise,
+    FrameTooLarge,
+    NoParameters,
+    NotANeighbour,
+    Received,
+    Sample,
+    Timer,
+)
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
 from volery.agents.node import Node
 from volery.agents.plan import AgentPlan, Plan
-from volery.agents.sender import FrameTooLarge
 from volery.errors import BadInput
 from volery.transport import fabric
 from volery.transport.events import Event
@@ -76,12 +83,12 @@ class Bench:
         """The network brings a frame that is due at an instant."""
         start_ns = (due_ms - 1) * MS
         frame = Frame(0, sequence, start_ns, 0, due_ms * MS, "delivered", text.encode(), sequence + 1, None)
-        self.node.receive(source, frame)
+        self.node.receiver.receive(source, frame)
 
     def timer(self, at_ms: int, react: Callable[[], None]) -> None:
         """Do something in a timer of the agent at an instant."""
         self.agent.react = react
-        self.agent.context.set_timer(at_ms * MS, "do")
+        self.node.run_handler(self.agent.context.set_timer, at_ms * MS, "do")
         self.until(at_ms + 1)
         self.agent.react = lambda: None
 
@@ -95,7 +102,7 @@ def test_a_frame_waits_until_it_is_due() -> None:
     assert bench.agent.heard == [("soon", 5 * MS, 5 * MS)]
     bench.until(10)
     assert [text for text, _, _ in bench.agent.heard] == ["soon", "late", "later"]
-    assert bench.node.journal.late == []
+    assert bench.node.state.journal.late == []
 
 
 def test_a_late_frame_is_handled_at_once_and_named() -> None:
@@ -105,9 +112,9 @@ def test_a_late_frame_is_handled_at_once_and_named() -> None:
     bench.until(21)
     bench.frame(12, "late", sequence=1)
     assert bench.agent.heard == [("first", 20 * MS, 20 * MS), ("late", 12 * MS, 20 * MS)]
-    assert bench.node.now_ns == 20 * MS
-    assert bench.node.journal.late == [Late("2", 0, 1, 12 * MS, 8 * MS)]
-    assert [entry.fate for entry in bench.node.journal.heard] == ["delivered", "delivered"]
+    assert bench.node.state.now_ns == 20 * MS
+    assert bench.node.state.journal.late == [Late("2", 0, 1, 12 * MS, 8 * MS)]
+    assert [entry.fate for entry in bench.node.state.journal.heard] == ["delivered", "delivered"]
 
 
 def test_what_a_late_frame_causes_comes_after_now() -> None:
@@ -136,10 +143,10 @@ def test_frames_that_come_in_any_order_during_a_pause_are_sorted() -> None:
     for due in (20, 10, 15):
         bench.frame(due, str(due), sequence=due)
         bench.until(due + 1)
-    assert bench.node.now_ns == 20 * MS
+    assert bench.node.state.now_ns == 20 * MS
     bench.until(51)
     assert bench.agent.heard == [(str(due), due * MS, 50 * MS) for due in (10, 15, 20)]
-    assert bench.node.journal.late == []
+    assert bench.node.state.journal.late == []
 
 
 def test_what_waits_is_stamped_with_the_clock_of_its_arrival() -> None:
@@ -158,7 +165,7 @@ def test_a_new_life_reads_its_own_clock_from_the_start() -> None:
     heap: list[Event] = []
     node = Node(bench.plan, "1", heap, lambda *_: None, incarnation=1, start_ns=10 * MS)
     assert node.agent.context.now_ns == 310 * MS
-    node.agent.context.set_timer(320 * MS, "soon")
+    node.run_handler(node.agent.context.set_timer, 320 * MS, "soon")
     fabric.run(heap, 21 * MS)
     assert isinstance(node.agent, Listener)
     assert node.agent.heard == [("soon", 320 * MS, 320 * MS)]
@@ -191,7 +198,7 @@ def test_what_is_released_at_the_instant_of_a_death_was_held_to_the_last() -> No
     bench.frame(10)
     bench.until(61)
     held = {"event": "held", "source": "2", "incarnation": 0, "sequences": [(0, 0)]}
-    assert bench.node.journal.events == [held, {"event": "killed", "time_ns": 50 * MS}]
+    assert bench.node.state.journal.events == [held, {"event": "killed", "time_ns": 50 * MS}]
 
 
 def test_a_frame_from_before_its_life_is_not_heard() -> None:
@@ -199,8 +206,8 @@ def test_a_frame_from_before_its_life_is_not_heard() -> None:
     bench = Bench()
     node = Node(bench.plan, "1", [], lambda *_: None, incarnation=1, start_ns=10 * MS)
     for start_ns in (10 * MS - 1, 10 * MS):
-        node.receive("2", Frame(0, 0, start_ns, 0, 20 * MS, "delivered", b"", 1, None))
-    assert len(node.heap) == 1
+        node.receiver.receive("2", Frame(0, 0, start_ns, 0, 20 * MS, "delivered", b"", 1, None))
+    assert len(node.state.heap) == 1
 
 
 @pytest.mark.parametrize("what", ["send", "timer"])
@@ -272,8 +279,8 @@ def test_a_payload_over_the_mtu_is_refused() -> None:
 
     bench.timer(5, react)
     bench.until(10)
-    assert bench.node.journal.dropped == [Dropped("2", 0, 5 * MS, "refused")]
-    assert [sent.sequence for sent in bench.node.journal.sent] == [1]
+    assert bench.node.state.journal.dropped == [Dropped("2", 0, 5 * MS, "refused")]
+    assert [sent.sequence for sent in bench.node.state.journal.sent] == [1]
 
 
 def test_frames_count_what_was_sent() -> None:
@@ -307,15 +314,15 @@ def test_an_agent_knows_its_place_and_nothing_more() -> None:
 def test_reports_are_flat_numbers() -> None:
     """Whatever is reported is written down as a list of numbers, with the instant and the sample."""
     bench = Bench()
-    bench.agent.context.report("x", [[1, 2], [3, 4]], 7)
-    bench.agent.context.report("y", 5)
-    assert bench.node.journal.estimates == [Estimate(0, "x", 7, [1.0, 2.0, 3.0, 4.0]), Estimate(0, "y", 0, [5.0])]
+    bench.node.run_handler(bench.agent.context.report, "x", [[1, 2], [3, 4]], 7)
+    bench.node.run_handler(bench.agent.context.report, "y", 5)
+    assert bench.node.state.journal.estimates == [Estimate(0, "x", 7, [1.0, 2.0, 3.0, 4.0]), Estimate(0, "y", 0, [5.0])]
 
 
 def test_a_journal_is_taken_once() -> None:
     """What was taken is not told again; a batch survives being taken apart."""
     bench = Bench()
-    bench.agent.context.report("x", [1.0])
+    bench.node.run_handler(bench.agent.context.report, "x", [1.0])
     batch = bench.node.take_journal()
     assert batch
     assert not bench.node.take_journal()
@@ -358,7 +365,7 @@ def test_what_may_be_asked_for_is_remembered_and_nothing_else(monkeypatch: pytes
     send(100)
     assert len(transceiver) == 2
     bench.frame(13, "late", "2", sequence=0)
-    assert [entry.fate for entry in bench.node.journal.heard] == [HALF_DUPLEX]
+    assert [entry.fate for entry in bench.node.state.journal.heard] == [HALF_DUPLEX]
     bench.frame(111, "in order", "2", sequence=1)
     bench.until(112)
     send(200)

@@ -1,4 +1,4 @@
-"""Horizons: how far an agent may go on what its neighbours have promised."""
+"""NeighbourPromisess: how far an agent may go on what its neighbours have promised."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from volery.transport.faults import LinkFault, effective
 from volery.transport.frames import Frame, promise
 from volery.transport.latencies import Constant
 from volery.transport.links import SHORTEST_TRAVEL_NS, LinkSettings
-from volery.transport.promises import FrameMissing, Horizon, earliest_due, lookahead_segments
+from volery.transport.promises import FrameMissing, NeighbourPromises, earliest_due, lookahead_segments
 
 LINK = ("1", "2")
 BASE = LinkSettings(latency=Constant(7))
@@ -55,49 +55,51 @@ def test_the_earliest_due_is_the_least_over_all_starts(given_faults: list[LinkFa
 def test_an_agent_may_go_as_far_as_the_least_promise() -> None:
     """Every neighbour holds it back; promises only grow; a neighbour that is done holds back nobody."""
     segments = {"1": lookahead_segments(BASE, LINK, []), "3": ((0, 2 * FOREVER_NS, 100),)}
-    horizon = Horizon("2", segments)
-    assert horizon.safe_ns() == 7
-    horizon.heard("1", promise(0, 1000, 0))
-    assert horizon.safe_ns() == 100
-    horizon.heard("3", promise(0, 500, 0))
-    horizon.heard("3", promise(0, 400, 0))
-    assert horizon.safe_ns() == 600
-    horizon.heard("3", promise(0, FOREVER_NS, 0))
-    assert horizon.safe_ns() == 1007
+    promises = NeighbourPromises("2", segments)
+    assert promises.safe_ns() == 7
+    promises.heard("1", promise(0, 1000, 0))
+    assert promises.safe_ns() == 100
+    promises.heard("3", promise(0, 500, 0))
+    promises.heard("3", promise(0, 400, 0))
+    assert promises.safe_ns() == 600
+    promises.heard("3", promise(0, FOREVER_NS, 0))
+    assert promises.safe_ns() == 1007
 
 
 def test_who_blocks_must_be_heard() -> None:
     """Those, and only those, whose promises the limit rests on: it cannot grow before all have promised more."""
-    horizon = Horizon("2", dict.fromkeys("134", ((0, 2 * FOREVER_NS, 100),)))
-    assert horizon.blocking() == {"1", "3", "4"}
-    horizon.heard("1", promise(0, 50, 0))
-    horizon.heard("3", promise(0, 20, 0))
-    horizon.heard("4", promise(0, 20, 0))
-    assert horizon.blocking() == {"3", "4"}
-    horizon.heard("3", promise(0, 30, 0))
-    assert (horizon.blocking(), horizon.safe_ns()) == ({"4"}, 120)
-    assert Horizon("1", {}).blocking() == set()
+    promises = NeighbourPromises("2", dict.fromkeys("134", ((0, 2 * FOREVER_NS, 100),)))
+    assert promises.blocking() == {"1", "3", "4"}
+    promises.heard("1", promise(0, 50, 0))
+    promises.heard("3", promise(0, 20, 0))
+    promises.heard("4", promise(0, 20, 0))
+    assert promises.blocking() == {"3", "4"}
+    promises.heard("3", promise(0, 30, 0))
+    assert (promises.blocking(), promises.safe_ns()) == ({"4"}, 120)
+    assert NeighbourPromises("1", {}).blocking() == set()
 
 
 def test_without_neighbours_there_is_no_limit() -> None:
     """An agent that hears nobody may go on for ever."""
-    assert Horizon("1", {}).safe_ns() == FOREVER_NS
+    assert NeighbourPromises("1", {}).safe_ns() == FOREVER_NS
 
 
 def test_a_live_fault_moves_the_horizon() -> None:
     """A shorter latency from an instant on shortens what a promise is worth from there on."""
-    horizon = Horizon("2", {"1": lookahead_segments(BASE, LINK, [])})
-    horizon.heard("1", promise(0, 100, 0))
-    assert horizon.safe_ns() == 107
-    horizon.relink("1", lookahead_segments(BASE, LINK, [LinkFault("l1", 103, None, (LINK,), {"latency": Constant(1)})]))
-    assert horizon.safe_ns() == 104
+    promises = NeighbourPromises("2", {"1": lookahead_segments(BASE, LINK, [])})
+    promises.heard("1", promise(0, 100, 0))
+    assert promises.safe_ns() == 107
+    promises.relink(
+        "1", lookahead_segments(BASE, LINK, [LinkFault("l1", 103, None, (LINK,), {"latency": Constant(1)})])
+    )
+    assert promises.safe_ns() == 104
 
 
 @pytest.mark.parametrize("gap", [sent(1, 9), sent(2, 9), promise(0, 9, 2)])
 def test_a_gap_is_noticed(gap: Frame) -> None:
     """One frame came, then a frame or a promise that says that two or more were sent before or with it."""
-    horizon = Horizon("2", {"1": lookahead_segments(BASE, LINK, [])})
+    promises = NeighbourPromises("2", {"1": lookahead_segments(BASE, LINK, [])})
     if gap.sequence != 1:
-        horizon.heard("1", sent(0, 3))
+        promises.heard("1", sent(0, 3))
     with pytest.raises(FrameMissing, match=rf"link 1>2: {gap.sent} frames were sent, {gap.sent - 1} have come"):
-        horizon.heard("1", gap)
+        promises.heard("1", gap)

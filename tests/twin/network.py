@@ -59,7 +59,7 @@ class Network:
     def _done(self, name: str, incarnation: int) -> None:
         """A node is at its end: of the run, or of a life, which has a next one where its kill has an end."""
         node = self.nodes[name]
-        if not node.dead:
+        if not node.state.dead:
             self.done.add(name)
         elif (name, incarnation) not in self._over:
             self._over.add((name, incarnation))
@@ -98,11 +98,11 @@ class Network:
         self._standing_by.discard(name)
         before = self.nodes[name]
         self._promised.update({link: 0 for link in self._promised if link[0] == name})
-        self._make(name, before.incarnation + 1, kill.until_ns, before.saved if kill.keep_state else None)
+        self._make(name, before.state.incarnation + 1, kill.until_ns, before.saved if kill.keep_state else None)
         for fault in self._live.values():
             self.nodes[name].arm(fault)
-        gone = tuple(self._outside)
-        self.pacers[name].begin(self.nodes[name], RunStart(0, self._plan.duration_ns, self._interventions, gone))
+        killed = tuple(self._outside)
+        self.pacers[name].begin(self.nodes[name], RunStart(0, self._plan.duration_ns, self._interventions, killed))
 
     def _write(self, source: str) -> Callable[[str, Message], None]:
         def write(outlet: str, frame: Message) -> None:
@@ -151,7 +151,7 @@ class Network:
 
     def kill_from_outside(self, name: str) -> None:
         """An agent's process is gone; some of what it sent is on the wire still, and everybody is told at some time."""
-        incarnation = self.nodes[name].incarnation
+        incarnation = self.nodes[name].state.incarnation
         self._subscribed.discard(name)
         self.done.add(name)
         self._woken = [wake for wake in self._woken if getattr(wake, "__self__", None) is not self.pacers[name]]
@@ -172,11 +172,11 @@ class Network:
         )
         for other, pacer in self.pacers.items():
             if other != name:
-                self._woken.append(partial(pacer.gone, name, incarnation))
+                self._woken.append(partial(pacer.external_kill, name, incarnation))
 
     def living(self) -> list[str]:
         """Agents that are neither dead nor on standby."""
-        return [name for name, node in self.nodes.items() if not node.dead and name not in self._standing_by]
+        return [name for name, node in self.nodes.items() if not node.state.dead and name not in self._standing_by]
 
     def wire(self, source: str, target: str) -> list[Message]:
         """What is on its way from one to another."""
@@ -192,9 +192,9 @@ class Network:
         """Arm a fault everywhere as a supervisor does: hold all, choose an instant beyond all, arm, release."""
         instants = []
         self._intervening = True
-        living = [self.pacers[name] for name in self.nodes if not self.nodes[name].dead]
+        living = [self.pacers[name] for name in self.nodes if not self.nodes[name].state.dead]
         for pacer in living:
-            instants.append(pacer.hold())
+            instants.append(pacer.freeze())
             self.deliver()
         fault = fault_from(max(instants) + 1)
         instant_ns = fault.at_ns if fault.until_ns is None else fault.until_ns
@@ -208,19 +208,19 @@ class Network:
             self._stand_by(fault)
         self._intervening = False
         for pacer in living:
-            pacer.release()
+            pacer.thaw()
         return fault
 
     def finish(self) -> Record:
         """Deliver until nobody says anything more; everybody must have come to the end."""
         while self.deliver():
             pass
-        waiting = {name: self.nodes[name].now_ns for name in self.nodes.keys() - self.done}
+        waiting = {name: self.nodes[name].state.now_ns for name in self.nodes.keys() - self.done}
         assert not waiting, f"stuck, waiting for each other: {waiting}"
         for name, node in self.nodes.items():
-            if (name, node.incarnation) in self._outside:
+            if (name, node.state.incarnation) in self._outside:
                 continue
-            if not node.dead:
+            if not node.state.dead:
                 node.finish()
             if batch := node.take_journal():
                 self._collector(batch)

@@ -30,7 +30,7 @@ def ahead_run(plan: Plan, seed: int) -> Record:
     rng = np.random.default_rng(seed)
     collector = Collector()
     twin = Twin(plan, collector)
-    nodes = {node.index: node for node in twin.nodes.values()}
+    nodes = {node.state.index: node for node in twin.nodes.values()}
     heap = twin.heap
     while heap and heap[0][TIME] < plan.duration_ns:
         event = heappop(heap)

@@ -199,8 +199,8 @@ def test_what_the_middleware_loses_on_a_wire_is_noticed(loop: Callable[..., Plan
     network.start()
     first = next(message for message in network.wire(WORLD, "1") if isinstance(message, Frame))
     for sent in (1, 2, 5):
-        node.receive(WORLD, first._replace(sequence=sent - 1, sent=sent))
-    missed = [event for event in node.journal.events if event["event"] == MISSED]
+        node.receiver.receive(WORLD, first._replace(sequence=sent - 1, sent=sent))
+    missed = [event for event in node.state.journal.events if event["event"] == MISSED]
     assert [(event["source"], event["count"]) for event in missed] == [(WORLD, 2)]
 
 

@@ -175,8 +175,8 @@ def test_live_kills_and_restarts_equal_the_twin(
     network.deliver_some(40)
     begun = network.inject(lambda at_ns: Kill("l1", at_ns, None, victim, keep_state))
     network.deliver_some(200)
-    if not network.nodes[victim].dead:
-        assert begun.at_ns >= plan.duration_ns or network.deliver_until(lambda: network.nodes[victim].dead)
+    if not network.nodes[victim].state.dead:
+        assert begun.at_ns >= plan.duration_ns or network.deliver_until(lambda: network.nodes[victim].state.dead)
     ended = network.inject(lambda at_ns: replace(begun, until_ns=at_ns))
     assert_equal(network.finish(), twin_run(replace(plan, faults=(*plan.faults, ended))))
 

@@ -1,0 +1,79 @@
+"""What an agent can reach: what a robot would know, and nothing of the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import FunctionType, MethodType
+from typing import Any
+
+import pytest
+
+from volery.agents.agent import Agent, Context
+from volery.agents.node import Node
+from volery.agents.node_state import NodeState
+from volery.agents.plan import AgentPlan, Plan
+from volery.agents.receiver import Receiver
+from volery.agents.sender import Sender
+from volery.experiments.scenario.load import compile_plan, load_scenario
+
+FORBIDDEN = (Plan, AgentPlan, Node, NodeState, Sender, Receiver, Agent)
+
+
+def agent_of(scenario: str) -> Agent:
+    """The first agent of a scenario, come to life."""
+    plan = compile_plan(load_scenario(scenario))
+    return Node(plan, plan.agents[0].name, [], lambda *_: None).agent
+
+
+def attributes(thing: object) -> Iterator[object]:
+    """What can be reached from a thing in one step: attributes, slots, elements, closures and bound objects."""
+    yield from getattr(thing, "__dict__", {}).values()
+    for kind in type(thing).__mro__:
+        slots = kind.__dict__.get("__slots__", ())
+        for slot in (slots,) if isinstance(slots, str) else slots:
+            if hasattr(thing, slot):
+                yield getattr(thing, slot)
+    if isinstance(thing, dict):
+        yield from (*thing.keys(), *thing.values())
+    elif isinstance(thing, list | tuple | set | frozenset):
+        yield from thing
+    elif isinstance(thing, MethodType):
+        yield from (thing.__self__, thing.__func__)
+    elif isinstance(thing, FunctionType):
+        yield from (cell.cell_contents for cell in thing.__closure__ or ())
+
+
+def reachable(start: object) -> dict[int, Any]:
+    """All that can be reached from a thing, classes and modules left out."""
+    found: dict[int, Any] = {}
+    waiting = [start]
+    while waiting:
+        thing = waiting.pop()
+        if id(thing) not in found and not isinstance(thing, type):
+            found[id(thing)] = thing
+            waiting.extend(attributes(thing))
+    return found
+
+
+@pytest.mark.parametrize("scenario", ["dfa4", "mav3-delay", "attitude3", "altitude-lossy", "mhe-lossy"])
+def test_nothing_in_a_context_leads_to_the_truth(scenario: str) -> None:
+    """Neither the plan nor its worlds nor what runs the agent can be reached, through private attributes either."""
+    plan = compile_plan(load_scenario(scenario))
+    worlds = tuple(type(world) for world in (plan.world, plan.coupled) if world is not None)
+    assert worlds
+    found = reachable(agent_of(scenario).context)
+    assert [thing for thing in found.values() if isinstance(thing, (*FORBIDDEN, *worlds))] == []
+
+
+@pytest.mark.parametrize("name", ["plan", "world", "truth", "node", "faults", "wire", "seed", "_node", "_plan"])
+def test_a_context_has_nothing_more_to_ask_for(name: str) -> None:
+    """An attempt at the plan, the world or the faults is an AttributeError."""
+    with pytest.raises(AttributeError):
+        getattr(agent_of("mav3-delay").context, name)
+
+
+@pytest.mark.parametrize("name", [name for name in dir(Context) if isinstance(getattr(Context, name), property)])
+def test_what_a_context_tells_cannot_be_changed(name: str) -> None:
+    """An agent cannot give itself other neighbours, or another time."""
+    with pytest.raises(AttributeError):
+        setattr(agent_of("dfa4").context, name, None)
