@@ -13,7 +13,7 @@ from volery.agents.altitude.altitude_network import measured
 from volery.estimators.altitude.components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
 from volery.estimators.altitude.modular_filter import GROUND, GroundJumps, ModularFilter
 from volery.estimators.altitude.replay import Stamped
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 
 SCENARIO, SECONDS = "altitude-obstacles", 20
 SENSORS = {"imu": Imu(), "baro": Barometer(), "laser": RangeFinder()}
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 def flown() -> list[Stamped]:
     """What the sensors of the scenario measure, in the order of time."""
-    plan = compile_plan(load_scenario(SCENARIO, [f"duration={SECONDS} s"]))
+    plan = load_scenario(SCENARIO, [f"duration={SECONDS} s"]).plan
     return measured(plan, list(SENSORS))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import simpy
 
 from volery.experiments.record.record import Collector
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin
 from volery.transport.csma import Csma
 
@@ -41,7 +41,7 @@ def twin_run(nodes: int, seconds: float) -> dict[str, float]:
         f"duration={seconds} s",
     )
     collector = Collector()
-    run = Twin(compile_plan(load_scenario("beacons", fields)), collector)
+    run = Twin(load_scenario("beacons", fields).plan, collector)
     began = time.process_time()
     run.run()
     spent = time.process_time() - began

@@ -14,7 +14,7 @@ from shapes import BEGIN_NS, PAYLOAD_BYTES, SECOND_NS, cpu_summary, delay_summar
 from volery.agents.journal import Batch
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.swarm.supervisor import Ending, Swarm
 from volery.transport.latencies import Constant, Latency, Normal
 from volery.transport.links import DELIVERED, LinkSettings
@@ -163,7 +163,7 @@ def lockstep(agents: int, degree: int, rate: float, seconds: float) -> dict[str,
 
 def lockstep_scenario(scenario: str, overrides: list[str]) -> dict[str, float]:
     """Nominal seconds per wall second of a scenario in lockstep pace, and memory per agent in MB at its end."""
-    plan = compile_plan(load_scenario(scenario, overrides))
+    plan = load_scenario(scenario, overrides).plan
     collected, swarm = run(plan, "lockstep")
     pss = sum(event["pss_kb"] for event in collected.done) / len(collected.done) / 1024
     promises = sum(event["promises"] for event in collected.done) / collected.heard

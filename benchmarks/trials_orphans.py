@@ -113,7 +113,7 @@ def check(trial: Trial, folder: Path, exit_code: int | None, *, ran: bool) -> tu
     try:
         report = recover(folder)
         if ran:
-            write_metrics(folder)
+            write_metrics(load(folder), folder)
         events = [event["event"] for event in load(folder).events] if report.messages else []
     except VoleryError as error:
         return 0, f"the record cannot be read: {error}"

@@ -19,7 +19,7 @@ from volery.agents.mhe.estimator import DISTURBANCE, Mhe
 from volery.estimators.horizon.quadrotor_model import RANGES, QuadrotorModel
 from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Course:
 
 def simulate(scenario: str, *changes: str) -> Record:
     """The record of a built-in scenario with changes, run in the twin."""
-    plan = compile_plan(load_scenario(scenario, changes))
+    plan = load_scenario(scenario, changes).plan
     return recorded(plan)
 
 

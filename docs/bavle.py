@@ -26,7 +26,7 @@ from volery.estimators.altitude.replay import Stamped
 from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.fault_labels import fault_label
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
 from volery.units import period_ns
@@ -91,7 +91,7 @@ def hub(plan: Plan) -> AltitudeEkfParameters:
 
 def planned(scenario: str, *changes: str) -> Plan:
     """The plan of a built-in scenario with changes such as "seed=2"."""
-    return compile_plan(load_scenario(scenario, changes))
+    return load_scenario(scenario, changes).plan
 
 
 @cache

@@ -18,7 +18,7 @@ from page_figures import draw_asked
 
 from volery.experiments.figures.run_figures import BLACK, BLUE, COLUMN_IN, GREEN, SKY, VERMILION
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.csma import Csma
 
@@ -114,7 +114,7 @@ def saturated_model(count: int, access: Csma) -> Saturated:
 
 def simulate(*fields: str) -> Record:
     """The record of beacons with other fields, run in the twin."""
-    plan = compile_plan(load_scenario("beacons", (f"duration={SECONDS} s", "overload=true", *fields)))
+    plan = load_scenario("beacons", (f"duration={SECONDS} s", "overload=true", *fields)).plan
     return recorded(plan)
 
 

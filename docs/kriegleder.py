@@ -25,7 +25,7 @@ from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, SKY
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.fault_labels import fault_label
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
@@ -44,7 +44,7 @@ STATE = (("altitude", "mm", MM), ("roll", "deg", DEG), ("pitch", "deg", DEG))
 
 def planned(scenario: str, *changes: str) -> Plan:
     """The plan of a built-in scenario with changes such as "agents.hold=true"."""
-    return compile_plan(load_scenario(scenario, changes))
+    return load_scenario(scenario, changes).plan
 
 
 def simulate(scenario: str, *changes: str) -> Record:

@@ -11,7 +11,7 @@ from volery.experiments.analysis.channels import LinkCourse
 from volery.experiments.figures.space_time import LOOKS, Window, draw_space_time, fate_marks
 from volery.experiments.record.frame_fates import FrameFate, frame_fates
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import LinkSettings
 
@@ -29,7 +29,7 @@ MS = 1e6
 def planned(*fields: str) -> Plan:
     """A plan of beacons: 1 and 2 with a perfect link, and fields such as "links.loss=0.3"."""
     base = ("topology={line: 2}", "links={}", "duration=1 s", "overload=true", "agents={kind: beacon, talkers: [1]}")
-    return compile_plan(load_scenario("beacons", (*base, *fields)))
+    return load_scenario("beacons", (*base, *fields)).plan
 
 
 def simulate(*fields: str) -> Record:

@@ -22,15 +22,14 @@ from ..errors import BadInput, RunFailed
 from ..transport.faults import in_force
 from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
-from .figures.run_figures import plot
+from .figures.run_figures import draw
 from .record.background import BackgroundSink
 from .record.machine import fingerprint, libraries
+from .record.record import Record, load
 from .record.recorder import Recorder
-from .record.run_files import INFO_FILE, SCENARIO_FILE
-from .scenario.compile import compile_plan
+from .record.run_files import FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE
 from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace
-from .scenario.schema import Scenario, resolved_yaml
 from .swarm.control_server import ControlServer
 from .swarm.live_faults import Injector
 from .swarm.status import Status
@@ -63,9 +62,10 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: its folder, what was measured, and what went wrong."""
+    """A finished run: its folder, its record as read from there, what was measured, and what went wrong."""
 
     folder: Path
+    record: Record
     metrics: Metrics
     problems: tuple[str, ...]
 
@@ -73,18 +73,19 @@ class Outcome:
 Watch = Callable[[Status], None]
 
 
-def execute(scenario: Scenario, options: Options, watch: Watch | None = None) -> Outcome:
-    """Run a scenario to the end; `watch` is shown the status some times a second.
+def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = None) -> Outcome:
+    """Run a plan to the end; `watch` is shown the status some times a second.
+
+    `scenario`: the YAML text that the plan was made from, kept for people.
 
     Raises:
-        BadInput: the scenario or an option does not fit; nothing is left behind.
+        BadInput: the plan or an option does not fit; nothing is left behind.
         RunFailed: the swarm could not be started.
     """
-    plan = compile_plan(scenario)
     realtime = (options.engine, options.pace) == ("zenoh", "realtime")
     check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
-    folder = _new_folder(options, scenario.name)
-    (folder / SCENARIO_FILE).write_text(resolved_yaml(scenario), "utf-8")
+    folder = _new_folder(options, plan.name)
+    (folder / SCENARIO_FILE).write_text(scenario, "utf-8")
     info = _info(plan, options)
     _write_info(folder, {**info, "status": "running"})
     try:
@@ -102,10 +103,11 @@ def execute(scenario: Scenario, options: Options, watch: Watch | None = None) ->
         raise
     status = "failed" if ending.problems else "finished"
     _write_info(folder, {**info, "status": status, "problems": ending.problems, "wall_s": ending.wall_s})
-    metrics = write_metrics(folder)
+    record = load(folder, plan)
+    metrics = write_metrics(record, folder)
     if options.figures:
-        plot(folder)
-    return Outcome(folder, metrics, ending.problems)
+        draw(record, (), folder / FIGURES_FOLDER)
+    return Outcome(folder, record, metrics, ending.problems)
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

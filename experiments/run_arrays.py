@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,8 +20,9 @@ from .analysis.metrics import Metrics, compute_metrics
 from .execution import Options, execute
 from .figures import run_figures as figures
 from .record.record import Record, load
+from .record.run_files import FIGURES_FOLDER
 from .record.samples import Samples, samples
-from .scenario.load import Scenario, compile_plan, load_scenario
+from .scenario.load import LoadedScenario, load_scenario, resolved_yaml
 from .scenario.validate import validate_plan
 
 _UNKNOWN = {"VARCHAR": "", "BIGINT": -1}
@@ -77,7 +79,7 @@ class Run:
         Raises:
             BadInput: no such figure or format.
         """
-        return figures.draw(self.record, which or figures.FIGURES, out or self.folder / "figures", formats)
+        return figures.draw(self.record, which, out or self.folder / FIGURES_FOLDER, formats)
 
 
 def _column(kind: str, values: list[Any]) -> NDArray[Any]:
@@ -92,11 +94,14 @@ def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[s
         RunFailed: the swarm could not be started.
     """
     read = read_any(scenario, overrides)
-    validate_plan(compile_plan(read), read.overload)
-    return load_run(execute(read, options).folder)
+    for note in read.notes:
+        warnings.warn(note, stacklevel=3)
+    validate_plan(read.plan, read.scenario.overload)
+    outcome = execute(read.plan, resolved_yaml(read.scenario), options)
+    return Run(outcome.folder, outcome.record)
 
 
-def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> Scenario:
+def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> LoadedScenario:
     """The scenario of a name, a path or the fields themselves.
 
     Raises:
@@ -105,7 +110,7 @@ def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str])
     return _from_mapping(scenario, overrides) if isinstance(scenario, Mapping) else load_scenario(scenario, overrides)
 
 
-def _from_mapping(fields: Mapping[str, Any], overrides: Sequence[str]) -> Scenario:
+def _from_mapping(fields: Mapping[str, Any], overrides: Sequence[str]) -> LoadedScenario:
     """Through a file, the one way to read a scenario; the topology as an override, so that paths in it start here."""
     with tempfile.TemporaryDirectory(prefix="volery-") as private:
         path = Path(private) / "scenario.yaml"

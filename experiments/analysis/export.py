@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import BadInput
 from ..record.frame_fates import FrameFate, frame_fates
-from ..record.record import Record, load
+from ..record.record import Record
 from ..record.samples import references
 from .metrics import component_labels
 
@@ -37,20 +37,11 @@ FRAME_COLUMNS = {
 TABLES = {"estimates": ESTIMATE_COLUMNS, "frames": FRAME_COLUMNS}
 
 
-def export(folder: Path, format: Format, out: Path | None = None) -> list[Path]:  # noqa: A002 - the field's word
-    """Write the run in a folder as tables; the paths of the files, in `out` or else the run's `export`.
+def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A002 - the field's word
+    """Write a record as tables into a folder; the paths of the files.
 
     csv and parquet: estimates and frames, a file each. Values are in the agents' units, empty cells are what is not
     known, floats read back exactly. npz: run.npz, see `arrays`.
-
-    Raises:
-        BadInput: no such format, or no run.
-    """
-    return write(load(folder), format, out or folder / "export")
-
-
-def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A002 - as above
-    """Write a record as tables into a folder; the paths of the files.
 
     Raises:
         BadInput: no such format.

@@ -25,7 +25,7 @@ from ...topologies import natural_key
 from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
 from ..record.frame_fates import frame_fates
-from ..record.record import Record, load
+from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
 from .accounting import LinkAccount, link_account
@@ -187,9 +187,9 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
     )
 
 
-def write_metrics(folder: Path, threshold: float | None = None) -> Metrics:
-    """Compute the metrics of the run in a folder and leave them there as metrics.json."""
-    metrics = compute_metrics(load(folder), threshold)
+def write_metrics(record: Record, folder: Path, threshold: float | None = None) -> Metrics:
+    """Compute the metrics of a run and leave them in its folder as metrics.json."""
+    metrics = compute_metrics(record, threshold)
     (folder / FILE_NAME).write_text(metrics.to_json() + "\n", "utf-8")
     return metrics
 

@@ -15,7 +15,7 @@ from ...errors import BadInput
 from ..analysis.frame_trace import agents_of
 from ..figures.animation import FILMS, Told, animate, still
 from ..figures.space_time import plot_space_time
-from ..record.record import Record, load
+from ..record.record import Record
 from .output import output, print_plain
 from .window import WHOLE, SpanOptions, instant, known
 
@@ -47,7 +47,7 @@ class Diagram:
     span: SpanOptions = WHOLE
     agents: Agents = ()
 
-    def draw(self, folder: Path, out: Path | None, formats: Sequence[str]) -> list[Path]:
+    def draw(self, record: Record, into: Path, formats: Sequence[str]) -> list[Path]:
         """Draw those that are wanted; the paths of the files.
 
         Raises:
@@ -60,7 +60,6 @@ class Diagram:
         pictures = [each for each in formats if each not in films]
         if not pictures and (self.space_time or self.still):
             raise BadInput(f"--format {films[0]} is for the film alone: name one for the pictures too, such as png")
-        record, into = load(folder), out or folder / "figures"
         paths = []
         if self.space_time:
             agents = known("--agents", self.agents, agents_of(record))

@@ -10,10 +10,10 @@ from cyclopts import Parameter
 
 from ...errors import BadInput
 from ..scenario.link_table import fault_words, link_groups, link_tables, to_mapping
-from ..scenario.load import compile_plan, load_scenario
 from ..scenario.presets import PRESETS, preset_table
 from .common_options import Overrides, ScenarioSource
 from .output import output, print_plain
+from .reading import read_scenario
 
 AsJson = Annotated[bool, Parameter("--json", help="Print JSON: the groups, or the presets, with every setting.")]
 Every = Annotated[bool, Parameter("--all", help="List each link on its own, instead of those that are alike together.")]
@@ -35,7 +35,7 @@ def links(
         return
     if scenario is None:
         raise BadInput("which scenario? `volery list` shows the built-in ones, a file's name ends in .yaml")
-    plan = compile_plan(load_scenario(scenario, set_))
+    plan = read_scenario(scenario, set_).plan
     groups = link_groups(plan, every=all_)
     if json_:
         words = fault_words(plan)

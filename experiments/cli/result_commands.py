@@ -9,11 +9,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ...errors import BadInput
-from ..analysis.export import FORMATS, export
+from ..analysis.export import FORMATS, write
 from ..analysis.metric_tables import metrics_tables
 from ..analysis.metrics import write_metrics
-from ..figures.run_figures import FIGURES, plot
+from ..figures.run_figures import FIGURES, draw
 from ..record.mcap_file import recover
+from ..record.record import load
+from ..record.run_files import FIGURES_FOLDER
 from ..sweeps.sweep_figures import SWEEP_FIGURES
 from ..verify import verify
 from .common_options import RUNS, RunName, RunsFolder
@@ -47,7 +49,7 @@ def metrics(
 ) -> None:
     """Compute and print the metrics of runs, and leave them in metrics.json."""
     folders = [finished_run(name, runs) for name in (run, *more)]
-    found = {folder.resolve().name: write_metrics(folder, threshold) for folder in folders}
+    found = {folder.resolve().name: write_metrics(load(folder), folder, threshold) for folder in folders}
     if json_:
         print_plain(json.dumps({name: json.loads(one.to_json()) for name, one in found.items()}, indent=1))
         return
@@ -83,9 +85,10 @@ def plot_run(
     if chart != NO_CHART:
         raise BadInput("--measure, --across and --by are of the figures of a sweep, and this is a run")
     folder = finished_run(run, runs)
-    paths = diagram.draw(folder, out, format_)
+    record, into = load(folder), out or folder / FIGURES_FOLDER
+    paths = diagram.draw(record, into, format_)
     if which or not paths:
-        paths += plot(folder, which, out, format_, quantity)
+        paths += draw(record, which, into, format_, quantity)
     for path in paths:
         print_plain(str(path))
 
@@ -105,9 +108,10 @@ def export_run(
     if not any(wanted.values()):
         raise BadInput("export as what? Add --csv, --parquet or --npz")
     folder = finished_run(run, runs)
+    record, into = load(folder), out or folder / "export"
     for format_ in FORMATS:
         if wanted[format_]:
-            for path in export(folder, format_, out):
+            for path in write(record, format_, into):
                 print_plain(str(path))
 
 

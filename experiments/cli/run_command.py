@@ -14,11 +14,12 @@ from ...errors import BadInput
 from ..analysis.metric_tables import metrics_tables
 from ..analysis.metrics import Metrics
 from ..execution import Engine, Options, Outcome, execute
-from ..scenario.load import Scenario, compile_plan, load_scenario
+from ..scenario.load import LoadedScenario, resolved_yaml
 from ..scenario.validate import validate_plan
 from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
 from .detach import detached
 from .output import output, print_error, print_plain
+from .reading import read_scenario
 from .run_display import Progress
 
 _STRICT = "End with exit code 3 if the machine could not keep up, or a link did otherwise than it was asked to."
@@ -59,9 +60,8 @@ def run(
     detach: Detach = False,
 ) -> int:
     """Run a scenario to its metrics and figures; Ctrl-C ends the run and keeps what was recorded."""
-    read = load_scenario(scenario, set_)
-    plan = compile_plan(read)
-    validate_plan(plan, read.overload)
+    read = read_scenario(scenario, set_)
+    validate_plan(read.plan, read.scenario.overload)
     if detach:
         return detached(_words(scenario, set_, options, strict=strict), options)
     outcome = _watched(read, options)
@@ -74,9 +74,10 @@ def run(
     return NOT_CERTIFIED if strict and not outcome.metrics.fidelity.as_asked else 0
 
 
-def _watched(scenario: Scenario, options: Options) -> Outcome:
-    with Progress(output(), scenario.name) as progress:
-        return execute(scenario, options, lambda status: progress.show(status.to_dict()))
+def _watched(read: LoadedScenario, options: Options) -> Outcome:
+    text = resolved_yaml(read.scenario)
+    with Progress(output(), read.plan.name) as progress:
+        return execute(read.plan, text, options, lambda status: progress.show(status.to_dict()))
 
 
 def _print_metrics(metrics: Metrics) -> None:

@@ -14,7 +14,6 @@ from ...errors import BadInput
 from ..scenario.library import find_source
 from ..scenario.load import (
     builtin_scenarios,
-    compile_plan,
     json_schema,
     load_scenario,
     new_scenario_text,
@@ -23,6 +22,7 @@ from ..scenario.load import (
 from ..scenario.validate import validate_plan, validation_table
 from .common_options import Overrides, ScenarioSource
 from .output import output, print_plain
+from .reading import read_scenario
 
 Resolved = Annotated[bool, Parameter(help="With every default and override written out.")]
 NewName = Annotated[str, Parameter(help="Of the scenario; the file is NAME.yaml, and no file is overwritten.")]
@@ -43,7 +43,7 @@ def show(scenario: ScenarioSource, /, *, resolved: Resolved = False, set_: Overr
     """Print the YAML of a scenario."""
     if set_ and not resolved:
         raise BadInput("--set changes what is run, not what the file says: add --resolved to see the outcome")
-    text = resolved_yaml(load_scenario(scenario, set_)) if resolved else find_source(scenario).text
+    text = resolved_yaml(read_scenario(scenario, set_).scenario) if resolved else find_source(scenario).text
     console = output()
     if console.is_terminal:
         console.print(Syntax(text, "yaml", background_color="default", word_wrap=True))
@@ -76,5 +76,5 @@ def validate(scenario: ScenarioSource | None = None, /, *, set_: Overrides = (),
         return
     if scenario is None:
         raise BadInput("which scenario? `volery list` shows the built-in ones, a file's name ends in .yaml")
-    read = load_scenario(scenario, set_)
-    output().print(validation_table(validate_plan(compile_plan(read), read.overload)))
+    read = read_scenario(scenario, set_)
+    output().print(validation_table(validate_plan(read.plan, read.scenario.overload)))

@@ -72,6 +72,8 @@ def sweep(
     if pace is not None and options.engine == "twin":
         raise BadInput("--pace is for swarms over Zenoh: add --engine zenoh, or leave it out")
     plan = plan_sweep(scenario, set_, over, random, options.engine)
+    for note in plan.notes:
+        print_note(f"note: {note}")
     try:
         done = run_shown(plan, options, output())
     except KeyboardInterrupt:

@@ -21,7 +21,7 @@ from ..analysis.accounting import LinkAccount, link_account
 from ..analysis.ages import AgeCourse, age_courses, age_metrics
 from ..analysis.metrics import component_labels, courses
 from ..record.frame_fates import FrameFate, frame_fates
-from ..record.record import Record, load
+from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
 
@@ -56,34 +56,21 @@ _LEVELS, _LEVEL_PT, _LETTER_IN, _PANEL_SHARE = 4, 7, 0.043, 0.75
 """Names of faults: levels above each other, their distance, width of a letter of 6 pt, and a panel's of its figure."""
 
 
-def plot(
-    folder: Path,
-    which: Iterable[str] | None = None,
-    out: Path | None = None,
+def draw(
+    record: Record,
+    which: Iterable[str],
+    out: Path,
     formats: Sequence[str] = ("png", "pdf"),
     quantity: str | None = None,
 ) -> list[Path]:
-    """Draw figures of the run in a folder; the paths of the files, in `out` or else the run's `figures`.
-
-    Without `which`, every figure for which the run has anything to show.
-
-    Raises:
-        BadInput: no such figure, format or quantity, or no run.
-    """
-    record = load(folder)
-    shown = which or (FIGURES if record.compared() else _OF_LINKS)
-    return draw(record, shown, out or folder / "figures", formats, quantity)
-
-
-def draw(
-    record: Record, which: Iterable[str], out: Path, formats: Sequence[str] = ("png",), quantity: str | None = None
-) -> list[Path]:
     """Draw figures of a record into a folder; the paths of the files.
+
+    Without a name in `which`, every figure for which the run has anything to show.
 
     Raises:
         BadInput: no such figure, format or quantity.
     """
-    names = list(which)
+    names = list(which) or list(FIGURES if record.compared() else _OF_LINKS)
     _check("figure", names, FIGURES)
     check_formats(formats)
     subject = _Subject(record, quantity)

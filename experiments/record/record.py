@@ -221,16 +221,15 @@ class Collector:
         return Record(plan, self.batches, tuple(self.events), info or {}, recovered)
 
 
-def load(folder: Path) -> Record:
-    """The record of a run that was written to a folder.
+def load(folder: Path, plan: Plan | None = None) -> Record:
+    """The record of a run that was written to a folder; `plan`, where it is at hand, need not be read.
 
     Raises:
         BadInput: no run there, or a damaged file; the message says how to get at what is there.
     """
-    from ..scenario.compile import compile_plan
     from ..scenario.load import load_scenario
 
-    plan = compile_plan(load_scenario(folder / SCENARIO_FILE))
+    plan = load_scenario(folder / SCENARIO_FILE).plan if plan is None else plan
     collector, recovered = collect(folder)
     return collector.record(plan, _info(folder), recovered=recovered)
 

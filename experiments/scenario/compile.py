@@ -15,7 +15,6 @@ from ...errors import BadInput
 from ...topologies import TimedGraph
 from ...transport.faults import Fault, LinkName
 from ...transport.links import LinkSettings
-from ...units import quantity
 from ...worlds.moving.motions import MovingWorld
 from ...worlds.scenario import MOVING, needs_places
 from ...worlds.scenario import build as build_world
@@ -33,7 +32,7 @@ _QUOTED = re.compile(r"'([^']*)'")
 
 
 def compile_plan(scenario: Scenario) -> Plan:
-    """The plan of a scenario.
+    """The plan of a scenario; faults that start after the end of the run are not in it.
 
     Raises:
         BadInput: parts that do not fit together, all of them at once.
@@ -149,10 +148,8 @@ def _links(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[
 def _faults(scenario: Scenario, places: Places, problems: list[Problem]) -> tuple[Fault, ...]:
     faults: list[Fault] = []
     for index, entry in enumerate(scenario.faults):
-        if entry.start_ns >= scenario.duration:
-            at, end = quantity(entry.start_ns, "ns"), quantity(scenario.duration, "ns")
-            text = f"starts at {at}, the run ends at {end}: start it earlier"
-            problems.append(Problem(("faults", index, "from" if entry.at is None else "at"), text))
+        if not scenario.in_run(entry):
+            continue
         try:
             faults += expand(entry, f"t{index + 1}", places, scenario.duration)
         except BadInput as error:

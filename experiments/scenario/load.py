@@ -1,38 +1,51 @@
-"""Scenarios, the front door: a name or a file, with overrides, to a validated scenario."""
+"""Scenarios, the front door: a name or a file, with overrides, to a validated scenario and its plan."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from .compile import attempt, compile_plan
+from ...agents.plan import Plan
+from ...units import quantity
+from .compile import attempt
 from .explaining import explain
-from .library import Source, builtin_scenarios, find_source, new_scenario_text, scenario_text
+from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .link_schema import validated
 from .schema import SCENARIO, Scenario, json_schema, known_fields, resolved_yaml
 from .trace_files import anchor
-from .yaml_document import read_document
+from .yaml_document import Problem, read_document
 
 __all__ = [
+    "LoadedScenario",
     "Scenario",
     "builtin_scenarios",
-    "compile_plan",
     "json_schema",
     "load_scenario",
     "new_scenario_text",
-    "read_scenario",
     "resolved_yaml",
     "scenario_text",
 ]
 
 
-def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """The scenario of a built-in name or a file.
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A scenario that was read, and its plan. `notes`: what of the file is not in the plan, a sentence each."""
+
+    scenario: Scenario
+    plan: Plan
+    notes: tuple[str, ...] = ()
+
+
+def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+    """The scenario of a built-in name or a file, read and compiled once.
+
+    A fault that starts after the end of the run is refused, unless an override shortened the run: then it is left out.
 
     Args:
         source: a name such as dfa16-lossy, or the path of a YAML file.
@@ -40,16 +53,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
     Raises:
         BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`.
     """
-    return read_scenario(find_source(source), overrides)
-
-
-def read_scenario(source: Source, overrides: Sequence[str] = ()) -> Scenario:
-    """The scenario of a text, as `load_scenario` reads it.
-
-    Raises:
-        BadInput: as there.
-    """
-    name, label, text, folder = source
+    name, label, text, folder = find_source(source)
     _reach(Path.cwd(), folder)
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)
@@ -63,10 +67,22 @@ def read_scenario(source: Source, overrides: Sequence[str] = ()) -> Scenario:
         scenario = validated(SCENARIO, document.data)
     except ValidationError as error:
         raise document.error(explain(error, partial(known_fields, document.data))) from error
-    _, problems = attempt(scenario)
-    if problems:
+    plan, problems = attempt(scenario)
+    end = quantity(scenario.duration, "ns")
+    late = [
+        (
+            index,
+            "from" if entry.at is None else "at",
+            f"starts at {quantity(entry.start_ns, 'ns')}, the run ends at {end}",
+        )
+        for index, entry in enumerate(scenario.faults)
+        if not scenario.in_run(entry)
+    ]
+    if not document.is_overridden(("duration",)):
+        problems += [Problem(("faults", index, field), f"{text}: start it earlier") for index, field, text in late]
+    if plan is None or problems:
         raise document.error(problems)
-    return scenario
+    return LoadedScenario(scenario, plan, tuple(f"faults.{index} is left out: {text}" for index, _, text in late))
 
 
 def _reach(*folders: Path) -> None:

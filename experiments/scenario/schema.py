@@ -146,6 +146,10 @@ class Scenario(BaseModel):
     faults: tuple[FaultEntry, ...] = ()
     overload: bool = False
 
+    def in_run(self, entry: FaultEntry) -> bool:
+        """Whether a fault starts before the end of the run."""
+        return entry.start_ns < self.duration
+
 
 SCENARIO: TypeAdapter[Scenario] = TypeAdapter(Scenario)
 
@@ -177,7 +181,7 @@ def known_fields(data: Any, loc: Loc) -> set[str]:
 
 
 def to_mapping(scenario: Scenario) -> dict[str, Any]:
-    """A scenario as plain data, all defaults written out."""
+    """A scenario as plain data, all defaults written out, without faults that start after the end of the run."""
     agents, links = scenario.agents, scenario.links
     mapping: dict[str, Any] = {
         "name": scenario.name,
@@ -190,7 +194,7 @@ def to_mapping(scenario: Scenario) -> dict[str, Any]:
         "world": scenario.world,
         "groups": {name: list(members) for name, members in scenario.groups.items()},
         "links": spelled(links.base),
-        "faults": [_entry(entry) for entry in scenario.faults],
+        "faults": [_entry(entry) for entry in scenario.faults if scenario.in_run(entry)],
         "overload": scenario.overload,
     }
     mapping["links"]["only"] = [

@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
-from itertools import islice
+from itertools import chain, islice
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
@@ -61,9 +61,10 @@ def local_pool(workers: int) -> Pool:
         raise BadInput(f"--workers {workers}: at least one process must do the work")
 
     def carry_out(jobs: Iterable[Job]) -> Generator[Done, None, None]:
-        waiting = list(jobs)
-        most = min(workers, len(waiting))
-        if not waiting:
+        waiting = iter(jobs)
+        first = list(islice(waiting, workers))
+        most = len(first)
+        if not first:
             return
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
@@ -73,7 +74,9 @@ def local_pool(workers: int) -> Pool:
                 with _as_workers_begin():
                     for _ in range(most):
                         executor.submit(int)  # each starts a process, as none is idle yet
-                yield from _in_turn(waiting, lambda job: executor.submit(run_job, job), _any_of, most * _AHEAD)
+                yield from _in_turn(
+                    chain(first, waiting), lambda job: executor.submit(run_job, job), _any_of, most * _AHEAD
+                )
             except BrokenProcessPool as error:
                 raise RunFailed(_DIED) from error
             except BaseException:

@@ -19,7 +19,7 @@ def measured_runs(folders: Sequence[Path]) -> dict[str, tuple[int, str, Values]]
     """Name of a run's folder → its seed, its scenario without the seed, and what was measured."""
     found = {}
     for folder in folders:
-        scenario = load_scenario(folder / SCENARIO_FILE)
+        scenario = load_scenario(folder / SCENARIO_FILE).scenario
         text = resolved_yaml(scenario.model_copy(update={"seed": 0}))
         found[folder.resolve().name] = scenario.seed, text, measure(load(folder))
     return found

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product, starmap
 from pathlib import Path
 
 from ...errors import BadInput
@@ -94,14 +95,14 @@ def run_sweep(
     if options.fresh:
         _drop(folder)
     with Journal(folder, plan, options.repeat) as journal:
-        everything = list(plan.jobs(options.repeat, sys.path, folder / KEPT if options.keep else None))
-        jobs = [job for job in everything if not journal.has(job.cell, job.repeat)]
-        finished, began = len(everything) - len(jobs), time.monotonic()
-        watch(Advance(finished, len(everything), 0, 0.0))
+        runs = list(product(range(len(plan.cells)), range(options.repeat)))
+        total, finished, began = len(runs), sum(starmap(journal.has, runs)), time.monotonic()
+        jobs = plan.jobs(options.repeat, sys.path, folder / KEPT if options.keep else None, journal.has)
+        watch(Advance(finished, total, 0, 0.0))
         with contextlib.closing(work(jobs)) as results:
             for fresh, done in enumerate(results, start=1):
                 journal.add(Row(done.job.cell, done.job.repeat, done.job.seed, done.values))
-                watch(Advance(finished + fresh, len(everything), fresh, time.monotonic() - began))
+                watch(Advance(finished + fresh, total, fresh, time.monotonic() - began))
         sweep = journal.results()
     write_table(sweep)
     return sweep

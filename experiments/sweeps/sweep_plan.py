@@ -11,21 +11,23 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...agents.plan import Plan
 from ...agents.registry import find
-from ...errors import BadInput
+from ...errors import BadInput, RunFailed
 from ...transport.faults import LinkFault
 from ...transport.media import HalfDuplex
 from ..execution import Engine
 from ..record.machine import fingerprint
 from ..run_arrays import read_any
-from ..scenario.load import Scenario, compile_plan, resolved_yaml
+from ..scenario.compile import compile_plan
+from ..scenario.load import LoadedScenario, resolved_yaml
 from ..scenario.paces import check_pace
 from ..scenario.validate import validate_plan
 from .axes import Axis, Over, axis_of, grid, random_cells, read_axis, spanned
@@ -61,12 +63,17 @@ class SweptCell(NamedTuple):
     pairing: Pairing
 
 
+Done = Callable[[int, int], bool]
+"""Whether a cell's repetition need not be run."""
+
+
 class Job(NamedTuple):
     """One run: which cell and repetition, and all that a worker needs for it."""
 
     cell: int
     repeat: int
     seed: int
+    plan: Plan
     scenario: str
     engine: Engine
     paths: tuple[str, ...]
@@ -75,7 +82,10 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A sweep as data. `made_with`: versions, and a hash of the code, on which bits depend."""
+    """A sweep as data. `made_with`: versions, and a hash of the code, on which bits depend.
+
+    `loaded`: the scenario and plan of each cell, where the sweep is to be carried out and not only read again.
+    """
 
     name: str
     seed: int
@@ -83,6 +93,12 @@ class SweepPlan:
     axes: tuple[SweptAxis, ...]
     cells: tuple[SweptCell, ...]
     made_with: Mapping[str, Any]
+    loaded: tuple[LoadedScenario, ...] = field(default=(), repr=False, compare=False)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the scenario is not in the plans of its cells, a sentence each."""
+        return tuple(dict.fromkeys(note for one in self.loaded for note in one.notes))
 
     @property
     def digest(self) -> str:
@@ -92,7 +108,8 @@ class SweepPlan:
     def to_json(self) -> dict[str, Any]:
         """As plain values."""
         axes, cells = [axis._asdict() for axis in self.axes], [cell._asdict() for cell in self.cells]
-        plain: dict[str, Any] = json.loads(json.dumps({**vars(self), "axes": axes, "cells": cells}))
+        own = {name: value for name, value in vars(self).items() if name != "loaded"}
+        plain: dict[str, Any] = json.loads(json.dumps({**own, "axes": axes, "cells": cells}))
         return plain
 
     @classmethod
@@ -110,12 +127,22 @@ class SweepPlan:
         cells = tuple(SweptCell(tuple(cell["labels"]), cell["scenario"], cell["pairing"]) for cell in plain["cells"])
         return cls(plain["name"], plain["seed"], plain["engine"], axes, cells, plain["made_with"])
 
-    def jobs(self, repeat: int, paths: Sequence[str], keep: Path | None) -> Iterator[Job]:
-        """Every run: all cells of the first repetition, then those of the next."""
-        for number in range(repeat):
-            for index, cell in enumerate(self.cells):
-                place = None if keep is None else str(keep / f"{index}-{number}")
-                yield Job(index, number, self.seed + number, cell.scenario, self.engine, tuple(paths), place)
+    def jobs(self, repeat: int, paths: Sequence[str], keep: Path | None, done: Done) -> Iterator[Job]:
+        """The runs that are not done: all cells of the first repetition, then those of the next.
+
+        Raises:
+            RunFailed: a cell cannot be with this seed; the message names both.
+        """
+        for number, (index, one) in product(range(repeat), enumerate(self.loaded)):
+            if done(index, number):
+                continue
+            seed = self.seed + number
+            place = None if keep is None else str(keep / f"{index}-{number}")
+            try:
+                read = _seeded(one, seed)
+            except BadInput as error:
+                raise RunFailed(f"cell {index}, seed {seed}: {error}") from error
+            yield Job(index, number, seed, read.plan, resolved_yaml(read.scenario), self.engine, tuple(paths), place)
 
 
 def plan_sweep(
@@ -137,21 +164,22 @@ def plan_sweep(
         BadInput: a key that does not exist, an empty range, a cell that cannot be; the message names the cell.
     """
     axes = _axes(over)
-    base = read_any(scenario, overrides)
+    base = read_any(scenario, overrides).plan
     cells = grid(axes) if random is None else random_cells(axes, random, base.seed)
     modules: set[str] = set()
-    swept = []
+    swept, loaded = [], []
     for cell in cells:
         labels = tuple(point.label for point in cell.points)
         try:
-            one, plan = _valid(read_any(scenario, [*overrides, *cell.overrides]))
+            one = _valid(read_any(scenario, [*overrides, *cell.overrides]))
         except BadInput as error:
             raise BadInput(_of_cell(str(error), axes, labels)) from error
-        written = resolved_yaml(one)
-        modules |= {find(agent.kind).__module__ for agent in plan.agents} | set(_IMPORT_STRING.findall(written))
-        swept.append(SweptCell(labels, written, pairing(plan)))
+        written = resolved_yaml(one.scenario)
+        modules |= {find(agent.kind).__module__ for agent in one.plan.agents} | set(_IMPORT_STRING.findall(written))
+        swept.append(SweptCell(labels, written, pairing(one.plan)))
+        loaded.append(one)
     of_axes = tuple(map(_swept_axis, spanned(axes, cells)))
-    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(modules))
+    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(modules), tuple(loaded))
 
 
 def _axes(over: Sequence[str] | Over) -> list[Axis]:
@@ -173,12 +201,23 @@ def _swept_axis(axis: Axis) -> SweptAxis:
     return SweptAxis(axis.name, labels, tuple(numbers), unit)
 
 
-def _valid(scenario: Scenario) -> tuple[Scenario, Plan]:
-    """A scenario that can be run, and its plan."""
-    plan = compile_plan(scenario)
-    validate_plan(plan, scenario.overload)
-    check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=False)
-    return scenario, plan
+def _valid(read: LoadedScenario) -> LoadedScenario:
+    """A scenario, if it can be run.
+
+    Raises:
+        BadInput: it asks for too much, or for what only realtime pace has.
+    """
+    validate_plan(read.plan, read.scenario.overload)
+    check_pace({settings.medium for settings in read.plan.links.values()}, read.plan.faults, realtime=False)
+    return read
+
+
+def _seeded(read: LoadedScenario, seed: int) -> LoadedScenario:
+    """The same with another seed."""
+    if seed == read.scenario.seed:
+        return read
+    scenario = read.scenario.model_copy(update={"seed": seed})
+    return LoadedScenario(scenario, compile_plan(scenario))
 
 
 def _of_cell(message: str, axes: Sequence[Axis], labels: Sequence[str]) -> str:

@@ -21,7 +21,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import fields
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -32,15 +31,12 @@ from ...transport.media import on_air
 from ..analysis.metrics import ErrorMetrics, Metrics, QuantityMetrics, compute_metrics
 from ..execution import Options, execute
 from ..record.record import Record, load
-from ..scenario.library import Source
-from ..scenario.load import Scenario, compile_plan, read_scenario
 from ..twin import recorded
 from .sweep_plan import Job
 
 Values = dict[str, float | None]
 _NOT_MEASURES = ("threshold", "samples", "agents")
 _MEDIUM = (HALF_DUPLEX, COLLISION, ACCESS)
-_CELLS_AT_HAND = 512
 
 
 def run_job(job: Job) -> Values:
@@ -70,17 +66,12 @@ def measure(record: Record) -> Values:
 def _record(job: Job) -> Record:
     if job.engine == "zenoh":
         return _over_zenoh(job)
-    scenario = _scenario(job.scenario).model_copy(update={"seed": job.seed})
     if job.keep is not None:
         folder = Path(job.keep)
         shutil.rmtree(folder, ignore_errors=True)
-        return load(execute(scenario, Options("twin", runs=folder.parent, name=folder.name, figures=False)).folder)
-    return recorded(compile_plan(scenario))
-
-
-@lru_cache(_CELLS_AT_HAND)
-def _scenario(text: str) -> Scenario:
-    return read_scenario(Source("cell", "cell", text, Path.cwd()))
+        options = Options("twin", runs=folder.parent, name=folder.name, figures=False)
+        return execute(job.plan, job.scenario, options).record
+    return recorded(job.plan)
 
 
 def _over_zenoh(job: Job) -> Record:
@@ -91,7 +82,7 @@ def _over_zenoh(job: Job) -> Record:
         folder = Path(private) / "run" if job.keep is None else Path(job.keep)
         shutil.rmtree(folder, ignore_errors=True)
         words = ["run", str(source), "--engine", "zenoh", "--pace", "lockstep", "--no-figures"]
-        words += ["--set", f"seed={job.seed}", "--runs", str(folder.parent), "--name", folder.name]
+        words += ["--runs", str(folder.parent), "--name", folder.name]
         command = [sys.executable, "-m", __package__.partition(".")[0], *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own command line
         if done.returncode:

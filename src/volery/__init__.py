@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -118,6 +119,8 @@ def sweep(  # noqa: PLR0913 - all but two by name
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
     plan = plan_sweep(scenario, overrides, over, random, options.engine)
+    for note in plan.notes:
+        warnings.warn(note, stacklevel=2)
     return run_shown(plan, options, Console(stderr=True)) if progress else run_sweep(plan, options)
 
 

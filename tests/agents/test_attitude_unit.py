@@ -20,7 +20,7 @@ from volery.experiments.analysis.accounting import account
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import Samples, samples
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.rotations import conjugate, euler_to_quaternion, quaternion_product
 from volery.transport.faults import SensorFault
@@ -36,7 +36,7 @@ QUIET = [f"world.units.{name}.noise=0" for name in ("1", "2", "3", "single")]
 
 def planned(*changes: str, scenario: str = "attitude3") -> Plan:
     """The plan of a built-in scenario with changes."""
-    return compile_plan(load_scenario(scenario, changes))
+    return load_scenario(scenario, changes).plan
 
 
 def run(plan: Plan) -> Record:

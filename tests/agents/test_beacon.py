@@ -16,7 +16,7 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.faults import Fault, Kill, Pause
 from volery.transport.latencies import Constant
@@ -162,9 +162,9 @@ def test_what_cannot_be_is_refused() -> None:
         with pytest.raises(BadInput, match=message):
             BeaconParameters(**wrong)
     with pytest.raises(BadInput, match=re.escape("talkers names 99, and there is no such agent")):
-        compile_plan(load_scenario("beacons", ["agents.talkers=[1, 99]"]))
+        load_scenario("beacons", ["agents.talkers=[1, 99]"])
     with pytest.raises(BadInput, match="every agent has more than one neighbour"):
-        compile_plan(load_scenario("beacons", ["topology={ring: 4}", "agents.talkers=leaves"]))
+        load_scenario("beacons", ["topology={ring: 4}", "agents.talkers=leaves"])
 
 
 def test_what_is_known_beforehand() -> None:

@@ -14,14 +14,14 @@ from volery.agents.node_state import NodeState
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.receiver import Receiver
 from volery.agents.sender import Sender
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 
 FORBIDDEN = (Plan, AgentPlan, Node, NodeState, Sender, Receiver, Agent)
 
 
 def agent_of(scenario: str) -> Agent:
     """The first agent of a scenario, come to life."""
-    plan = compile_plan(load_scenario(scenario))
+    plan = load_scenario(scenario).plan
     return Node(plan, plan.agents[0].name, [], lambda *_: None).agent
 
 
@@ -58,7 +58,7 @@ def reachable(start: object) -> dict[int, Any]:
 @pytest.mark.parametrize("scenario", ["dfa4", "mav3-delay", "attitude3", "altitude-lossy", "mhe-lossy"])
 def test_nothing_in_a_context_leads_to_the_truth(scenario: str) -> None:
     """Neither the plan nor its worlds nor what runs the agent can be reached, through private attributes either."""
-    plan = compile_plan(load_scenario(scenario))
+    plan = load_scenario(scenario).plan
     worlds = tuple(type(world) for world in (plan.world, plan.coupled) if world is not None)
     assert worlds
     found = reachable(agent_of(scenario).context)

@@ -14,7 +14,6 @@ from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.run_arrays import _from_mapping
-from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
 from volery.worlds.plane.plane_world import PlaneWorld, distances, turning
 from volery.worlds.scenario import build
@@ -39,7 +38,7 @@ SCENARIO: dict[str, Any] = {
 
 def plan(*overrides: str) -> Plan:
     """The plan with these overrides."""
-    return compile_plan(_from_mapping(SCENARIO, overrides))
+    return _from_mapping(SCENARIO, overrides).plan
 
 
 def run(*overrides: str) -> Metrics:

@@ -15,7 +15,7 @@ from volery.errors import BadInput
 from volery.experiments.analysis.metrics import component_labels, compute_metrics
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
 NO_STEPS = "agents.script=[]"
@@ -26,7 +26,7 @@ BURST = "faults=[{at: 2 s, for: 5 s, where: all, set: {loss: {bernoulli: 1.0}}}]
 
 def fly(name: str, *overrides: str) -> Record:
     """The record of a scenario in the twin."""
-    plan = compile_plan(load_scenario(name, overrides))
+    plan = load_scenario(name, overrides).plan
     return recorded(plan)
 
 
@@ -231,7 +231,7 @@ def test_the_centre_is_pushed_by_differences_only() -> None:
         def __init__(self, force: float) -> None:
             self.value = np.tile([force, 0.0, 0.0], (21, 1))
 
-    parameters = load_scenario("mav3").agents.parameters
+    parameters = load_scenario("mav3").scenario.agents.parameters
     _, still = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(-0.3)})
     assert np.all(still == 0.0)
     _, moved = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(0.3)})
@@ -300,10 +300,10 @@ def test_parameters_read_back_equal(tmp_path: Path) -> None:
     """References and script survive being written to the folder of a run."""
     from volery.experiments.scenario.load import resolved_yaml
 
-    scenario = load_scenario("mav3")
+    scenario = load_scenario("mav3").scenario
     path = tmp_path / "again.yaml"
     path.write_text(resolved_yaml(scenario), "utf-8")
-    assert load_scenario(path) == scenario
+    assert load_scenario(path).scenario == scenario
     assert json.dumps(scenario.agents.parameters.references["A"]) == '{"triangle": "0.9 m"}'
 
 

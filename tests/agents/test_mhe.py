@@ -19,7 +19,7 @@ from volery.agents.mhe.track import IN_TIME, LATE, TOO_LATE, Track
 from volery.errors import BadInput
 from volery.estimators.horizon.quadrotor_model import Deviations
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
 from volery.worlds.quadrotor.quadrotor_sensors import DEVIATIONS
@@ -33,7 +33,7 @@ EARLY_ROLL = "world.roll={steps: {0 s: 0 rad, 500 ms: 0.1 rad}}"
 
 def flown(scenario: str, *changes: str) -> Record:
     """The record of a scenario with changes, run in the twin."""
-    plan = compile_plan(load_scenario(scenario, changes))
+    plan = load_scenario(scenario, changes).plan
     return recorded(plan)
 
 
@@ -292,18 +292,18 @@ def test_what_cannot_estimate_is_refused(changes: dict[str, Any], said: str) -> 
 def test_what_does_not_fit_the_scenario_is_refused(changes: tuple[str, ...], said: str) -> None:
     """At its place in the file, or with the names of those who do not fit."""
     with pytest.raises(BadInput, match=said):
-        compile_plan(load_scenario("mhe-roll", (f"{HUB}.configurations=[A]", *changes)))
+        load_scenario("mhe-roll", (f"{HUB}.configurations=[A]", *changes))
 
 
 def test_a_hub_that_only_listens_offers_nothing() -> None:
     """Its links are known to carry nothing, though nobody knows what it would send."""
-    validation = validate_plan(compile_plan(load_scenario("mhe-roll")))
+    validation = validate_plan(load_scenario("mhe-roll").plan)
     assert {row.medium: row.utilisation for row in validation.rows}["hub>imu"] == 0.0
 
 
 def test_the_models_believe_what_the_world_does() -> None:
     """Deviations, places and magnetic field of the world are the defaults of the estimators."""
-    plan = compile_plan(load_scenario("mhe-roll"))
+    plan = load_scenario("mhe-roll").plan
     world = plan.world
     model: Any = MheParameters(SENSORS).model("A")
     believed = vars(Deviations())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from volery.agents.plan import AgentPlan, Plan, moving
 from volery.errors import BadInput
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 
 PLACES = {"1": (0.0, 0.0), "2": (3.0, 4.0), "3": None}
 
@@ -60,7 +60,7 @@ def test_agents_without_places_have_no_distance() -> None:
 
 def test_a_target_does_not_take_the_agents_places() -> None:
     """The `position` of a target's world is how far off it may begin: nobody moves, and agents stay where they are."""
-    tracked = compile_plan(load_scenario("tracker"))
+    tracked = load_scenario("tracker").plan
     places = {agent.name: agent.position for agent in tracked.agents}
     assert moving(tracked.world) is None
     assert moving(Drifting()) is not None

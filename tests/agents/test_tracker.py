@@ -18,7 +18,6 @@ from volery.estimators.distributed.gaussian import Gaussian, corrected
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.record.record import Record
 from volery.experiments.run_arrays import _from_mapping
-from volery.experiments.scenario.load import compile_plan
 from volery.experiments.twin import recorded
 
 SCENARIO: dict[str, Any] = {
@@ -34,7 +33,7 @@ SCENARIO: dict[str, Any] = {
 
 def run(*overrides: str) -> Record:
     """The record of the scenario with these overrides."""
-    plan = compile_plan(_from_mapping(SCENARIO, overrides))
+    plan = _from_mapping(SCENARIO, overrides).plan
     return recorded(plan)
 
 

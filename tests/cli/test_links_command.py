@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.transport.faults import LinkFault
 
 from .conftest import Volery
@@ -65,7 +65,7 @@ def test_what_differs_and_what_faults_touch_stands_apart(volery: Volery) -> None
 def test_many_faults_of_a_link_are_counted(volery: Volery) -> None:
     """A random process may bring many: six are shown, and how many there are besides."""
     process = "faults=[{every: {mtbf: 20 ms, mttr: 10 ms}, cut: all}]"
-    plan = compile_plan(load_scenario("short.yaml", [process]))
+    plan = load_scenario("short.yaml", [process]).plan
     count = sum(("1", "2") in fault.links for fault in plan.faults if isinstance(fault, LinkFault))
     table = rows(volery("links", "short.yaml", "--all", "--set", process).out)
     told = table["faults"][0][table["links"][0].index("1>2")]

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from volery.experiments.cli.app import app
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.library import builtin_scenarios
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.validate import validate_plan
@@ -45,7 +44,7 @@ def test_scenario_is_valid(volery: Volery) -> None:
     (text,) = (block for kind, block in BLOCKS if kind == "yaml")
     Path("mine.yaml").write_text(text, "utf-8")
     for overrides in ([], ["links.loss.bernoulli=0.3"]):
-        validate_plan(compile_plan(load_scenario("mine.yaml", overrides)))
+        validate_plan(load_scenario("mine.yaml", overrides).plan)
 
 
 def test_python_example_runs(volery: Volery, capsys: pytest.CaptureFixture[str]) -> None:

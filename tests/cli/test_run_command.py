@@ -6,14 +6,19 @@ import json
 import signal
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from volery.experiments.cli import run_command as cli_run
 from volery.experiments.execution import execute
+from volery.experiments.record import record as mcap_record
+from volery.experiments.scenario import compile as compile_module
+from volery.experiments.scenario import load as scenario_load
 
 from .conftest import Volery
 
@@ -127,3 +132,38 @@ def test_detach_tells_why_the_swarm_could_not_start(volery: Volery) -> None:
     assert said.code == 2
     assert said.error.startswith("error: cannot listen at tcp/127.0.0.1:99999")
     assert list(Path("runs").iterdir()) == []
+
+
+def test_a_run_is_read_compiled_and_loaded_once(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With metrics and figures: one reading of the scenario, one compilation, one loading of the record."""
+    counts = Counter[str]()
+
+    def counted(module: ModuleType, name: str) -> None:
+        real = getattr(module, name)
+
+        def call(*arguments: Any, **options: Any) -> Any:
+            counts[name] += 1
+            return real(*arguments, **options)
+
+        monkeypatch.setattr(module, name, call)
+
+    counted(scenario_load, "read_document")
+    counted(compile_module, "attempt")
+    counted(scenario_load, "attempt")
+    counted(mcap_record, "collect")
+    assert volery("run", "short.yaml", "--engine", "twin").code == 0
+    assert counts == {"read_document": 1, "attempt": 1, "collect": 1}
+
+
+def test_faults_beyond_a_shorter_duration_are_left_out_with_a_note(volery: Volery) -> None:
+    """Of an override; a file that says so itself is refused. What is kept begins as the whole run does."""
+    said = volery("run", "short.yaml", *TWIN, "--set", "duration=0.2 s", "--name", "cut")
+    assert said.code == 0, said.error
+    assert said.error == "note: faults.0 is left out: starts at 0.3 s, the run ends at 0.2 s\n"
+    assert "cut: 1-2" not in Path("runs/cut/scenario.yaml").read_text("utf-8")
+    assert volery("verify", "cut").out.startswith("certified")
+    text = Path("short.yaml").read_text("utf-8").replace("duration: 1 s", "duration: 0.2 s")
+    Path("shorter.yaml").write_text(text, "utf-8")
+    said = volery("run", "shorter.yaml", *TWIN)
+    assert said.code == 2
+    assert "faults.0.at: starts at 0.3 s, the run ends at 0.2 s: start it earlier" in said.error

@@ -75,7 +75,7 @@ def test_a_run_of_the_contest_gives_the_numbers_that_were_kept(
         "filter": {who: [f"agents.filter={contest.FILTERS[who]}"]},
         "setting": {"here": contest.settings()[f"{graph}: {condition}"]},
     }
-    (job,) = plan_sweep(contest.SCENARIO, [], over, None, "twin").jobs(1, [], None)
+    (job,) = plan_sweep(contest.SCENARIO, [], over, None, "twin").jobs(1, [], None, lambda *_: False)
     found = run_job(job)
     (kept,) = (
         one for one in contest.read() if (one.graph, one.condition, one.contender, one.seed) == (*chosen[:2], who, 1)

@@ -16,7 +16,6 @@ from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.cli import app as cli
 from volery.experiments.cli import fault_commands as cli_faults
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import parse_agents, parse_links, places_of, read_words
 from volery.experiments.scenario.load import load_scenario
@@ -39,7 +38,7 @@ def plan_of(fragment: str, folder: Path) -> Plan:
     yaml.dump(yaml.load(SCENARIO) | (yaml.load(fragment) if fragment else {}), text)
     path = folder / "faults.yaml"
     path.write_text(text.getvalue(), "utf-8")
-    return compile_plan(load_scenario(path))
+    return load_scenario(path).plan
 
 
 @pytest.mark.parametrize("fragment", ["", *FRAGMENTS], ids=range(len(FRAGMENTS) + 1))

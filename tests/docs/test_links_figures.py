@@ -64,4 +64,4 @@ def test_what_is_shown_can_be_loaded(fragment: str, tmp_path: Path) -> None:
     yaml.dump(BASE | yaml.load(fragment), text)
     path = tmp_path / "shown.yaml"
     path.write_text(text.getvalue(), "utf-8")
-    assert load_scenario(path).name == "shown"
+    assert load_scenario(path).plan.name == "shown"

@@ -160,7 +160,7 @@ def test_what_is_shown_can_be_loaded(fragment: str, tmp_path: Path) -> None:
     yaml.dump(changed, text)
     path = tmp_path / "example.yaml"
     path.write_text(text.getvalue() if fragment else EXAMPLE, "utf-8")
-    assert load_scenario(path).name == "example"
+    assert load_scenario(path).plan.name == "example"
 
 
 def test_the_error_that_is_shown(tmp_path: Path) -> None:

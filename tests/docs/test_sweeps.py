@@ -69,9 +69,9 @@ def test_the_python_of_the_page_plans_a_sweep(monkeypatch: pytest.MonkeyPatch) -
 
 def test_columns_of_the_page_are_columns() -> None:
     """What the table of columns names for links is measured."""
-    from volery.experiments.scenario.load import compile_plan, load_scenario
+    from volery.experiments.scenario.load import load_scenario
     from volery.experiments.sweeps.sweep_runs import measure
     from volery.experiments.twin import recorded
 
-    measured = measure(recorded(compile_plan(load_scenario("dfa4", ["duration=0.2 s"]))))
+    measured = measure(recorded(load_scenario("dfa4", ["duration=0.2 s"]).plan))
     assert {*re.findall(r"`(links\.[a-z_]+)`", TEXT)} >= {name for name in measured if name.startswith("links.")}

@@ -12,7 +12,6 @@ import pytest
 from volery.agents.plan import Plan
 from volery.agents.process import Pace
 from volery.experiments.record.record import Collector, Record
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Ending, Swarm
@@ -58,7 +57,7 @@ def plan_of() -> Callable[..., Plan]:
     """The plan of a built-in scenario with overrides."""
 
     def plan(name: str, *overrides: str) -> Plan:
-        return compile_plan(load_scenario(name, overrides))
+        return load_scenario(name, overrides).plan
 
     return plan
 

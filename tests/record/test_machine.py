@@ -11,7 +11,6 @@ import pytest
 import volery
 from volery.agents.dfa.module import DfaModule
 from volery.experiments.record.machine import libraries
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.verify import verify
 
@@ -42,9 +41,9 @@ def test_another_version_of_such_a_library_makes_bits_not_comparable(folder: Pat
 
 def test_kinds_name_what_their_parameters_choose() -> None:
     """The solver of a moving horizon; most kinds name nothing."""
-    assert libraries(compile_plan(load_scenario("mhe-pitch"))) == {"daqp": version("daqp")}
-    assert libraries(compile_plan(load_scenario("dfa4"))) == {}
-    assert libraries(compile_plan(load_scenario("mav3"))) == {}
+    assert libraries(load_scenario("mhe-pitch").plan) == {"daqp": version("daqp")}
+    assert libraries(load_scenario("dfa4").plan) == {}
+    assert libraries(load_scenario("mav3").plan) == {}
     pytest.importorskip("numba")
-    compiled = compile_plan(load_scenario("mav3", ["agents.filtering.form=compiled"]))
+    compiled = load_scenario("mav3", ["agents.filtering.form=compiled"]).plan
     assert libraries(compiled) == {"numba": version("numba")}

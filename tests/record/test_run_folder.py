@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.analysis.export import export
+from volery.experiments.analysis.export import write
 from volery.experiments.analysis.metrics import write_metrics
-from volery.experiments.figures.run_figures import plot
+from volery.experiments.figures.run_figures import draw
 from volery.experiments.figures.space_time import plot_space_time
 from volery.experiments.record.record import Collector, load
 from volery.experiments.record.recorder import Recorder
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.schema import resolved_yaml
 from volery.experiments.twin import Twin
@@ -24,17 +23,17 @@ from volery.experiments.twin import Twin
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two seconds of the four-module array in the twin, with the folder that a run makes."""
-    scenario = load_scenario("dfa4", ["duration=2 s"])
-    (tmp_path / "scenario.yaml").write_text(resolved_yaml(scenario), "utf-8")
+    loaded = load_scenario("dfa4", ["duration=2 s"])
+    (tmp_path / "scenario.yaml").write_text(resolved_yaml(loaded.scenario), "utf-8")
     (tmp_path / "run.json").write_text('{"engine": "twin"}', "utf-8")
     with Recorder(tmp_path) as recorder:
-        Twin(compile_plan(scenario), recorder).run()
+        Twin(loaded.plan, recorder).run()
     return tmp_path
 
 
 def test_run_reads_back_as_it_was(folder: Path) -> None:
     """The plan from the scenario, every entry from the record, and what the engine says of itself."""
-    plan = compile_plan(load_scenario("dfa4", ["duration=2 s"]))
+    plan = load_scenario("dfa4", ["duration=2 s"]).plan
     collector = Collector()
     Twin(plan, collector).run()
     record = load(folder)
@@ -46,14 +45,15 @@ def test_run_reads_back_as_it_was(folder: Path) -> None:
 
 def test_metrics_figures_and_tables_of_a_folder(folder: Path) -> None:
     """Metrics agree with metrics.json; figures and tables land in folders of their own."""
-    metrics = write_metrics(folder)
+    record = load(folder)
+    metrics = write_metrics(record, folder)
     data = json.loads((folder / "metrics.json").read_text("utf-8"))
     rms = metrics.quantities["estimate"].oracle_error.steady_rms
     assert not math.isnan(rms)
     assert data["quantities"]["estimate"]["oracle_error"]["steady_rms"] == rms
     assert all(link["closes"] for link in data["links"].values())
-    assert plot(folder, ["links"], formats=["png"]) == [folder / "figures" / "links.png"]
-    assert export(folder, "csv") == [folder / "export" / "estimates.csv", folder / "export" / "frames.csv"]
+    assert draw(record, ["links"], folder, ["png"]) == [folder / "links.png"]
+    assert write(record, "csv", folder) == [folder / "estimates.csv", folder / "frames.csv"]
 
 
 def test_run_without_estimates_has_a_figure_of_its_links(folder: Path) -> None:
@@ -61,8 +61,9 @@ def test_run_without_estimates_has_a_figure_of_its_links(folder: Path) -> None:
     (folder / "record.mcap").unlink()
     with Recorder(folder) as recorder:
         recorder.event({"event": "finished", "time_ns": 0})
-    assert plot(folder, formats=["png"]) == [folder / "figures" / name for name in ("links.png", "age.png")]
-    assert plot_space_time(load(folder), folder, formats=["png"]) == [folder / "space-time.png"]
+    record = load(folder)
+    assert draw(record, (), folder, ["png"]) == [folder / name for name in ("links.png", "age.png")]
+    assert plot_space_time(record, folder, formats=["png"]) == [folder / "space-time.png"]
 
 
 def test_damaged_run_information_is_named(folder: Path) -> None:

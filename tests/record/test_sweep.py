@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import duckdb
@@ -319,9 +320,11 @@ def test_an_agent_of_ones_own(tmp_path: Path) -> None:
 
 def test_a_run_that_fails_ends_the_sweep_and_keeps_the_others(plan: SweepPlan, tmp_path: Path) -> None:
     """The error names cell and seed."""
-    broken = plan.cells[3]._replace(scenario=plan.cells[3].scenario.replace("kind: plane", "kind: plain"))
-    with pytest.raises(RunFailed, match=r"cell 3, seed 4: BadInput: .*plain"):
-        swept(tmp_path / "broken", SweepPlan(**{**vars(plan), "cells": (*plan.cells[:3], broken)}))
+    last = plan.loaded[3]
+    agents = tuple(replace(agent, kind="nobody") for agent in last.plan.agents)
+    broken = replace(last, plan=replace(last.plan, agents=agents))
+    with pytest.raises(RunFailed, match=r"cell 3, seed 4: BadInput: .*nobody"):
+        swept(tmp_path / "broken", replace(plan, loaded=(*plan.loaded[:3], broken)))
     assert len(load_sweep(tmp_path / "broken").rows) == 3
 
 

@@ -58,7 +58,7 @@ def load(tmp_path: Path) -> Load:
         assert replacing[0] in TEXT
         path = tmp_path / "example.yaml"
         path.write_text(TEXT.replace(*replacing, 1) if replacing[0] else TEXT + replacing[1], encoding="utf-8")
-        return load_scenario(path, overrides)
+        return load_scenario(path, overrides).scenario
 
     return load_example
 

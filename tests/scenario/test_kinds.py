@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from volery.experiments.scenario.load import compile_plan
+from volery.experiments.scenario.compile import compile_plan
 
 from .conftest import Load, Refusal
 

@@ -204,7 +204,7 @@ def test_the_name_is_by_default_the_file(tmp_path: Path) -> None:
     """A scenario without a name is called as its file."""
     path = tmp_path / "mine.yaml"
     path.write_text(TEXT.replace("name: example\n", ""), encoding="utf-8")
-    assert load_scenario(path).name == "mine"
+    assert load_scenario(path).plan.name == "mine"
 
 
 def test_the_file_of_a_graph_is_found_beside_the_scenario(

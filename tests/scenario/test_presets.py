@@ -21,7 +21,7 @@ from .conftest import Load, Refusal
 def of_preset(name: str, *overrides: str) -> LinkSettings:
     """The settings of links that are nothing but a preset."""
     links = ["topology={star: 4}", f"links={{preset: {name}}}", "agents.rate=1 mHz", *overrides]
-    return next(iter(compile_plan(load_scenario("beacons", links)).links.values()))
+    return next(iter(load_scenario("beacons", links).plan.links.values()))
 
 
 def test_every_preset_has_a_name_and_a_source_of_every_number() -> None:

@@ -44,7 +44,7 @@ def test_a_trace_is_read_with_its_scenario(load: Load, tmp_path: Path) -> None:
     for path in folder.iterdir():
         path.unlink()
     (tmp_path / "resolved.yaml").write_text(resolved_yaml(scenario), "utf-8")
-    assert load_scenario(tmp_path / "resolved.yaml") == scenario
+    assert load_scenario(tmp_path / "resolved.yaml").scenario == scenario
 
 
 def test_traces_of_faults_and_of_the_command_line(load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from volery import units
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import (
+    Scenario,
     builtin_scenarios,
     json_schema,
     load_scenario,
@@ -85,10 +86,10 @@ def test_quantities_are_written_in_a_handy_unit(value: float, unit: str, text: s
     assert quantity(value, unit) == text
 
 
-def _read_back(text: str, folder: Path) -> object:
+def _read_back(text: str, folder: Path) -> Scenario:
     path = folder / "resolved.yaml"
     path.write_text(text, encoding="utf-8")
-    return load_scenario(path)
+    return load_scenario(path).scenario
 
 
 def test_a_resolved_scenario_reads_back_equal(load: Load, tmp_path: Path) -> None:
@@ -155,8 +156,8 @@ def test_the_built_in_scenarios_are_listed() -> None:
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_every_built_in_scenario_compiles_and_reads_back(name: str, tmp_path: Path) -> None:
     """Nothing in it is over its bounds, no medium over 100 %."""
-    scenario = load_scenario(name)
-    plan = compile_plan(scenario)
+    loaded = load_scenario(name)
+    scenario, plan = loaded.scenario, loaded.plan
     validation = validate_plan(plan)
     assert validation.puts_per_second is not None
     assert (plan.world is None and plan.coupled is None) == (scenario.world is None)
@@ -166,7 +167,7 @@ def test_every_built_in_scenario_compiles_and_reads_back(name: str, tmp_path: Pa
 
 def test_the_cut_and_the_losses_of_the_demonstration_are_there() -> None:
     """`dfa16-lossy` cuts a link that exists for a second, and troubles all 60 directions for another."""
-    cut, lossy = compile_plan(load_scenario("dfa16-lossy")).faults
+    cut, lossy = load_scenario("dfa16-lossy").plan.faults
     assert (cut.at_ns, cut.until_ns) == (3_000_000_000, 4_000_000_000)
     assert len(getattr(lossy, "links")) == 60  # noqa: B009 - a fault of links
 
@@ -175,9 +176,9 @@ def test_a_new_scenario_compiles(tmp_path: Path) -> None:
     """The template is a complete scenario under its name."""
     path = tmp_path / "mine.yaml"
     path.write_text(new_scenario_text("mine"), encoding="utf-8")
-    scenario = load_scenario(path)
-    assert scenario.name == "mine"
-    validate_plan(compile_plan(scenario))
+    plan = load_scenario(path).plan
+    assert plan.name == "mine"
+    validate_plan(plan)
 
 
 def test_the_schema_is_json_and_knows_the_fields() -> None:

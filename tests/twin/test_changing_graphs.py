@@ -8,7 +8,6 @@ import pytest
 
 from volery.agents.plan import Plan
 from volery.experiments.record.record import Record
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
@@ -29,7 +28,7 @@ def run(tmp_path: Path, *fields: str) -> tuple[Plan, Record]:
     """The plan and the record of beacons."""
     path = tmp_path / "changing.yaml"
     path.write_text(TEXT.format(*fields), "utf-8")
-    plan = compile_plan(load_scenario(path))
+    plan = load_scenario(path).plan
     return plan, recorded(plan)
 
 

@@ -31,10 +31,10 @@ import sys
 from hashlib import sha256
 from volery.experiments.record.canonical import canonical
 from volery.experiments.record.record import Collector
-from volery.experiments.scenario.load import compile_plan, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin, recorded
 for _ in range(int(sys.argv[1])):
-    plan = compile_plan(load_scenario(sys.argv[2], sys.argv[3:]))
+    plan = load_scenario(sys.argv[2], sys.argv[3:]).plan
     print(sha256(canonical(recorded(plan))).hexdigest())
 """
 

@@ -8,7 +8,6 @@ from volery.agents import receiver
 from volery.agents.agent import Agent
 from volery.agents.plan import Plan
 from volery.experiments.record.record import Collector, Record
-from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin
 
@@ -24,7 +23,7 @@ CROWD = "agents={kind: beacon, rate: 40 Hz, size: 40 B, pattern: poisson, broadc
 
 def plan(*changes: str) -> Plan:
     """Four beacons, each in reach of all others."""
-    return compile_plan(load_scenario("beacons", ["topology={complete: 4}", "overload=true", *changes]))
+    return load_scenario("beacons", ["topology={complete: 4}", "overload=true", *changes]).plan
 
 
 def run(of: Plan) -> tuple[Record, Twin]:
