@@ -92,14 +92,14 @@ class Tdma:
                 f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a tdma slot of "
                 f"{self.usable_ns(slots) / 1e6:.3f} ms: send less, or make the cycle longer"
             )
-        cycle = int(ready_ns * self.cycle / 1e9)
-        while True:
+        current = int(ready_ns * self.cycle / 1e9)
+        for cycle in range(current, current + 3):  # the own slot may be over, and `current` one too low by rounding
             begin, end = _cycle_bounds(self.cycle, cycle)
             first = begin + (end - begin) * slot // slots
             last = begin + (end - begin) * (slot + 1) // slots - self.guard - airtime_ns
             if ready_ns <= last and first <= last:
                 return max(ready_ns, first)
-            cycle += 1
+        raise AssertionError(f"slot {slot} of {slots} is too short for {airtime_ns} ns ready at {ready_ns} ns")
 
 
 @lru_cache(maxsize=256)

@@ -12,7 +12,7 @@ from volery.errors import BadInput
 from volery.estimators.distributed.covariance_intersection import intersection
 from volery.estimators.distributed.filtering import Filter, Moment, Place
 from volery.estimators.distributed.filters import FILTERS, choose_filter
-from volery.estimators.distributed.gaussian import Gaussian, information
+from volery.estimators.distributed.gaussian import Gaussian, Measurement, information, measured_information
 from volery.estimators.information import pack_pair, unpack_pair
 from volery.topologies import agents, complete, geometric, ring, star
 
@@ -258,6 +258,39 @@ def test_the_noises_of_a_path_are_drawn_in_a_fixed_number() -> None:
     drawn = iter(range(10**6))
     path(("1", "2", "3"), 5, (float(number) for number in drawn))
     assert next(drawn) == 4 * 5 + 2 * 5
+
+
+@pytest.mark.parametrize("year", [2007, 2009])
+def test_the_kalman_consensus_filters_take_their_gains_from_the_papers(year: int) -> None:
+    """One sample with two neighbours, against the papers' formulas with explicit inverses.
+
+    The consensus gain of 2007 comes from the posterior covariance, that of 2009 from the prior, which is far larger.
+    """
+    draws = np.random.default_rng(year)
+    prior = Gaussian(draws.normal(size=4), np.diag([4.0, 9.0, 1.0, 2.0]) + 0.3)
+    told = {name: draws.normal(size=4) for name in ("2", "3")}
+    seen = {name: (draws.normal(size=(2, 4)), draws.normal(size=2)) for name in ("1", "2", "3")}
+    R = np.diag([0.2, 0.5])
+    one = choose_filter(f"kalman-consensus-{year}", {"gain": 0.1}).make(Place("1", ("1", "2", "3"), 1), prior)
+    H, z = seen["1"]
+    one.begin(Moment(0, Measurement(H, R, z), (), {"2": 0.3, "3": 0.3}))
+    one.hear(
+        {
+            name: np.concatenate([told[name], pack_pair(measured_information(Measurement(H, R, z), 4))])
+            for name, (H, z) in seen.items()
+            if name in told
+        }
+    )
+    found = one.end()
+
+    S = sum((H.T @ np.linalg.inv(R) @ H for H, _ in seen.values()), np.zeros((4, 4)))
+    y = sum((H.T @ np.linalg.inv(R) @ z for H, z in seen.values()), np.zeros(4))
+    P = prior.covariance
+    M = np.linalg.inv(np.linalg.inv(P) + S)
+    C = 0.1 * M if year == 2007 else 0.1 * P / (1.0 + np.sqrt(np.sum(P**2)))
+    pull = sum((mean - prior.mean for mean in told.values()), np.zeros(4))
+    np.testing.assert_allclose(found.covariance, M, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.mean, prior.mean + M @ (y - S @ prior.mean) + C @ pull, rtol=1e-9, atol=1e-12)
 
 
 def test_the_kalman_consensus_filter_of_2007_diverges_where_its_gain_is_not_small() -> None:
