@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterator
@@ -15,31 +16,35 @@ from volery.experiments.record.record import Collector, Record
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Ending, Swarm
+from volery.experiments.verify import compare, replay
 
-LIMIT_S = 90
-BURN_S = 60
-Meanwhile = Callable[[Swarm, Injector], Awaitable[None]]
+LIMIT_S = 400
+"""A hang is ended, a machine that is busy with other work is not."""
+MS = 1_000_000
+SECOND = 1000 * MS
+Meanwhile = Callable[[Swarm, Injector, Collector], Awaitable[None]]
+"""Awaited while a swarm runs; the collector has the journals that have come so far."""
 
 
-async def _nothing(_swarm: Swarm, _injector: Injector) -> None:
+async def _nothing(_swarm: Swarm, _injector: Injector, _collected: Collector) -> None:
     return
 
 
 def run_swarm(plan: Plan, pace: Pace = "lockstep", meanwhile: Meanwhile = _nothing) -> tuple[Record, Ending]:
-    """Run a plan in processes of its own; `meanwhile` is awaited once it has begun, beside it."""
+    """Run a plan in processes of its own; `meanwhile` is awaited once the run has begun, concurrently with it."""
     collector = Collector()
 
     async def run() -> Ending:
         swarm = Swarm(plan, collector, "test", pace)
         injector = Injector(swarm, collector)
 
-        async def beside() -> None:
+        async def once_ready() -> None:
             await swarm.ready.wait()
-            await meanwhile(swarm, injector)
+            await meanwhile(swarm, injector, collector)
 
         async with asyncio.timeout(LIMIT_S), asyncio.TaskGroup() as group:
             running = group.create_task(swarm.run())
-            group.create_task(beside())
+            group.create_task(once_ready())
         return running.result()
 
     ending = asyncio.run(run())
@@ -47,9 +52,35 @@ def run_swarm(plan: Plan, pace: Pace = "lockstep", meanwhile: Meanwhile = _nothi
 
 
 async def until(holds: Callable[[], bool]) -> None:
-    """Wait for something that must come to hold; the run's own time limit ends a vain wait."""
+    """Wait until a condition holds; the time limit of the run ends a wait in vain."""
     while not holds():  # noqa: ASYNC110 - what is waited for has no event of its own
         await asyncio.sleep(0.02)
+
+
+async def advanced(swarm: Swarm, collected: Collector, time_ns: int) -> None:
+    """Wait until the run is so much further than now, and than the latest fault or clearing that was injected.
+
+    Agents report every 200 ms by the clock, in which a run in lockstep pace may advance by seconds: an instant that was
+    injected can lie ahead of what is known of the run.
+    """
+    injected = [event["time_ns"] for event in collected.events if event["event"] in ("fault", "cleared")]
+    reached = max([swarm.status.time_ns, *injected])
+    await until(lambda: swarm.status.time_ns > reached + time_ns)
+
+
+async def estimates_of(collected: Collector, *lives: tuple[str, int]) -> None:
+    """Wait until each of these incarnations has reported an estimate."""
+    await until(lambda: all(life in collected.batches and collected.batches[life].estimates for life in lives))
+
+
+def departures(record: Record, before_ns: float = math.inf) -> list[str]:
+    """Where a record and its replay in the twin differ, bit for bit, before an instant."""
+    return [departure.what for departure in compare(record, replay(record), 0.0) if departure.time_ns < before_ns]
+
+
+def first_late_ns(record: Record) -> float:
+    """When the first late frame was due, in nanoseconds; infinity where none was late."""
+    return min((late.due_ns for batch in record.batches.values() for late in batch.late), default=math.inf)
 
 
 @pytest.fixture
@@ -65,7 +96,7 @@ def plan_of() -> Callable[..., Plan]:
 @pytest.fixture
 def busy_cores() -> Iterator[None]:
     """Both cores at work on something else."""
-    burn = f"import time\nend = time.monotonic() + {BURN_S}\nwhile time.monotonic() < end: pass"
+    burn = f"import time\nend = time.monotonic() + {LIMIT_S}\nwhile time.monotonic() < end: pass"
     burners = [subprocess.Popen([sys.executable, "-c", burn]) for _ in range(2)]
     yield
     for burner in burners:

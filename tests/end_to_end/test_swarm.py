@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import signal
 from collections.abc import Callable
@@ -16,10 +17,9 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
 from volery.experiments.analysis.accounting import account, total
-from volery.experiments.record.record import Record
+from volery.experiments.record.record import Collector, Record
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
-from volery.experiments.verify import compare, replay
 from volery.transport import zenoh_session as zs
 from volery.transport.faults import Hog
 from volery.transport.frames import encode, promise
@@ -27,14 +27,9 @@ from volery.transport.keys import Keys
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
 
-from .conftest import run_swarm, until
+from .conftest import MS, SECOND, advanced, departures, first_late_ns, run_swarm, until
 
 PlanOf = Callable[..., Plan]
-
-
-def departures(record: Record) -> list[str]:
-    """Where a record and its replay in the twin differ, bit for bit."""
-    return [departure.what for departure in compare(record, replay(record), 0.0)]
 
 
 def line_plan(duration_s: int) -> Plan:
@@ -92,18 +87,19 @@ def test_lockstep_equals_the_twin_on_a_busy_machine(plan_of: PlanOf) -> None:
 
 def test_agents_are_processes_and_only_edges_carry_frames(plan_of: PlanOf) -> None:
     """While it runs there are sixteen processes, and the link keys in use are the directed edges of the graph."""
-    plan = plan_of("dfa16-lossy", "duration=2 s", "faults=[]")
+    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
     seen: set[tuple[str, str]] = set()
     alive: list[int] = []
 
-    async def look(swarm: Swarm, _: Injector) -> None:
+    async def look(swarm: Swarm, _injector: Injector, _collected: Collector) -> None:
         everything = Keys("test").link("*", "*")
         spy = swarm.session.declare_subscriber(
             everything,
             lambda sample: seen.add(tuple(str(sample.key_expr).rsplit("/", 2)[1:])),  # type: ignore[arg-type]
         )
         alive.extend(pid for pid in swarm.pids().values() if is_running(pid))
-        await until(lambda: swarm.status.time_ns > plan.duration_ns // 2)
+        await until(lambda: seen >= set(plan.links))
+        await swarm.stop()
         spy.undeclare()
 
     run_swarm(plan, meanwhile=look)
@@ -114,85 +110,92 @@ def test_agents_are_processes_and_only_edges_carry_frames(plan_of: PlanOf) -> No
 
 def test_strangers_get_nothing_through() -> None:
     """A client without credentials is turned away; an agent's credentials reach its neighbours' keys and no others."""
+    keys = Keys("test")
     seen: list[str] = []
+    overheard: list[str] = []
 
-    async def intrude(swarm: Swarm, _: Injector) -> None:
-        keys = Keys("test")
+    async def intrude(swarm: Swarm, _injector: Injector, _collected: Collector) -> None:
         spy = swarm.session.declare_subscriber(keys.link("*", "*"), lambda sample: seen.append(str(sample.key_expr)))
         with pytest.raises(RunFailed, match="cannot join"):
             await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("nobody", "guessed"), 1.0)
-        session = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("1", swarm.passwords["1"]))
-        other = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("3", swarm.passwords["3"]))
-        overheard: list[str] = []
-        ear = other.declare_subscriber("**", lambda sample: overheard.append(str(sample.key_expr)))
-        for target in ("3", "2"):
-            session.put(keys.link("1", target), b"not a frame")
-        session.put(keys.link("2", "3"), b"forged")
+        one, two, three = [
+            await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials(name, swarm.passwords[name]))
+            for name in ("1", "2", "3")
+        ]
+        own = three.declare_subscriber(keys.link("2", "3"), lambda _: None)  # nothing is routed for `**` alone
+        ear = three.declare_subscriber("**", lambda sample: overheard.append(str(sample.key_expr)))
+        for source, target in (("1", "3"), ("2", "3"), ("1", "2")):
+            one.put(keys.link(source, target), b"not a frame")
         await until(lambda: keys.link("1", "2") in seen)
+        two.put(keys.link("2", "3"), b"not a frame")
+        await until(lambda: keys.link("2", "3") in overheard and keys.link("2", "3") in seen)
         ear.undeclare()
-        other.close()
-        session.close()
+        own.undeclare()
+        for session in (one, two, three):
+            session.close()
         spy.undeclare()
-        assert overheard == []
         await swarm.stop()
 
-    run_swarm(line_plan(60), "realtime", intrude)
-    assert seen == [Keys("test").link("1", "2")]
+    run_swarm(line_plan(600), "realtime", intrude)
+    assert seen == [keys.link("1", "2"), keys.link("2", "3")]
+    assert overheard == [keys.link("2", "3")]
 
 
 def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
-    """A kill -9 of one process: the run goes on to its end, and says who died and when."""
-    plan = plan_of("dfa16-lossy", "duration=3 s", "faults=[]")
+    """A kill -9 of one process: the run goes on, and says who died and when."""
+    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
 
-    async def kill(swarm: Swarm, _: Injector) -> None:
-        await until(lambda: swarm.status.time_ns > 1_000_000_000)
+    async def kill(swarm: Swarm, _injector: Injector, collected: Collector) -> None:
+        await until(lambda: swarm.status.time_ns > SECOND)
         os.kill(swarm.pids()["5"], signal.SIGKILL)
+        await until(lambda: any(event["event"] == "died" for event in collected.events))
+        await advanced(swarm, collected, SECOND)
+        await swarm.stop()
 
     record, ending = run_swarm(plan, "realtime", kill)
     assert ending.problems == ()
-    died = [event for event in record.events if event["event"] == "died"]
-    assert [(event["agent"], event["cause"]) for event in died] == [("5", "was killed from outside")]
-    assert 1_000_000_000 <= died[0]["time_ns"] < 3_000_000_000
+    (died,) = [event for event in record.events if event["event"] == "died"]
+    assert (died["agent"], died["cause"]) == ("5", "was killed from outside")
+    assert died["time_ns"] > SECOND
     last = {agent: max(heard.due_ns for heard in batch.heard) for (agent, _), batch in record.batches.items()}
-    assert all(due_ns > 2_900_000_000 for agent, due_ns in last.items() if agent != "5")
-    assert last["5"] < 2_900_000_000
+    assert all(due_ns > died["time_ns"] for agent, due_ns in last.items() if agent != "5")
+    assert last["5"] < died["time_ns"]
 
 
-MS = 1_000_000
 _ASYNCHRONOUS = ("agents.estimator=running-sum", "agents.timing=asynchronous")
 
 
 @pytest.mark.parametrize("pace", ["realtime", "lockstep"])
 def test_a_run_with_a_death_from_outside_replays(pace: Pace, plan_of: PlanOf) -> None:
-    """Nobody waits for the dead; with what was heard of it last the twin comes to the same bits."""
-    plan = plan_of("dfa4", "duration=60 s", "faults=[]", "links.latency=20 ms", *_ASYNCHRONOUS)
+    """Nobody waits for the dead; with what was heard of it last the twin comes to the same bits.
 
-    async def kill(swarm: Swarm, _: Injector) -> None:
-        await until(lambda: swarm.status.time_ns > 500_000_000)
+    Up to the first late frame, that is: in realtime pace the machine may be too busy for frames to be in time.
+    """
+    plan = plan_of("dfa4", "duration=600 s", "faults=[]", "links.latency=20 ms", *_ASYNCHRONOUS)
+
+    async def kill(swarm: Swarm, _injector: Injector, collected: Collector) -> None:
+        await until(lambda: swarm.status.time_ns > 500 * MS)
         os.kill(swarm.pids()["3"], signal.SIGKILL)
         await until(lambda: not swarm.is_alive("3"))
-        reached = swarm.status.time_ns
-        await until(lambda: swarm.status.time_ns > reached + 500_000_000)
+        await advanced(swarm, collected, 500 * MS)
         await swarm.stop()
 
     record, ending = run_swarm(plan, pace, kill)
     assert ending.problems == ()
     assert [event["cause"] for event in record.events if event["event"] == "died"] == ["was killed from outside"]
     assert all(link.closes for link in account(record).values())
-    if pace == "lockstep" or not any(batch.late for batch in record.batches.values()):
-        assert list(compare(record, replay(record), 0.0)) == []
+    assert departures(record, math.inf if pace == "lockstep" else first_late_ns(record)) == []
 
 
 def test_a_stopped_process_counts_as_dead(plan_of: PlanOf) -> None:
     """SIGSTOP for good: after a while it is killed, the others go on, and every frame is accounted for."""
     plan = plan_of("dfa4", "duration=600 s", "faults=[]")
 
-    async def stop(swarm: Swarm, _: Injector) -> None:
-        await until(lambda: swarm.status.time_ns > 500_000_000)
+    async def stop(swarm: Swarm, _injector: Injector, collected: Collector) -> None:
+        await until(lambda: swarm.status.time_ns > 500 * MS)
         os.kill(swarm.pids()["3"], signal.SIGSTOP)
         await until(lambda: not swarm.is_alive("3"))
-        reached = swarm.status.time_ns
-        await until(lambda: swarm.status.time_ns > reached + 500_000_000)
+        await advanced(swarm, collected, 500 * MS)
         await swarm.stop()
 
     record, ending = run_swarm(plan, "lockstep", stop)
@@ -201,14 +204,14 @@ def test_a_stopped_process_counts_as_dead(plan_of: PlanOf) -> None:
     accounts = account(record)
     assert all(link.closes and not link.missing for link in accounts.values())
     assert any(link.unknown for link in accounts.values())
-    assert list(compare(record, replay(record), 0.0)) == []
+    assert departures(record) == []
 
 
 def test_a_frame_that_the_middleware_loses_ends_the_run(plan_of: PlanOf) -> None:
     """The next message says that more were sent than have come; the run fails, and names the link."""
     plan = plan_of("dfa4", "duration=600 s", "faults=[]")
 
-    async def pretend(swarm: Swarm, _: Injector) -> None:
+    async def pretend(swarm: Swarm, _injector: Injector, _collected: Collector) -> None:
         session = await asyncio.to_thread(zs.open_client, swarm.endpoint, zs.Credentials("1", swarm.passwords["1"]))
         session.put(Keys("test").link("1", "2"), encode(promise(0, 0, 10_000)))
         await until(lambda: not swarm.is_alive("2"))
@@ -222,9 +225,7 @@ def test_a_taken_port_is_bad_input(plan_of: PlanOf) -> None:
     """An endpoint that is in use is refused, with the remedy."""
     plan = plan_of("dfa16-lossy", "duration=20 s", "faults=[]")
 
-    async def try_the_same(swarm: Swarm, _: Injector) -> None:
-        from volery.experiments.record.record import Collector
-
+    async def try_the_same(swarm: Swarm, _injector: Injector, _collected: Collector) -> None:
         with pytest.raises(BadInput, match="--listen"):
             await Swarm(plan, Collector(), "second", listen=swarm.endpoint).run()
         await swarm.stop()
@@ -247,7 +248,7 @@ def test_a_changing_graph_in_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
 
 
 def test_a_hog_takes_processor_time_and_nothing_else(plan_of: PlanOf) -> None:
-    """The hogged agent uses more of it than each of the others, and the run equals a twin that knows of no hog."""
+    """The hogged agent uses more of it than each of the others; up to the first late frame the twin knows of no hog."""
     plan = replace(
         plan_of("dfa4", "duration=3 s", "links.latency=20 ms", *_ASYNCHRONOUS),
         faults=(Hog("t1", 500 * MS, 2500 * MS, "2", 0.8),),
@@ -261,5 +262,4 @@ def test_a_hog_takes_processor_time_and_nothing_else(plan_of: PlanOf) -> None:
         if event["event"] == "done"
     }
     assert spent["2"] > max(seconds for agent, seconds in spent.items() if agent != "2")
-    if not any(batch.late for batch in record.batches.values()):
-        assert list(compare(record, replay(record), 0.0)) == []
+    assert departures(record, first_late_ns(record)) == []
