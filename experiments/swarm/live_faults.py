@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +61,7 @@ class Injector:
         circumstances = self._circumstances()
         refuse(drafted, circumstances)
         self._count += 1
-        async with self._swarm.intervening:
+        async with self._intervention():
             at_ns, faults = await self._arm(drafted)
             self._faults.update({fault.id: fault for fault in faults})
         self._newest_ns = at_ns
@@ -68,6 +69,14 @@ class Injector:
             if isinstance(fault, Kill) and fault.until_ns is not None:
                 self._swarm.restarts.later(fault)
         return "\n".join([f"{name}: {_told(faults)}", *warnings(faults, circumstances)])
+
+    @contextlib.asynccontextmanager
+    async def _intervention(self) -> AsyncIterator[None]:
+        """Hold the run open, and other interventions back."""
+        async with self._swarm.intervening:
+            if self._swarm.over.is_set():
+                raise BadInput("the run is over")
+            yield
 
     async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
         """Choose an instant and arm the faults everywhere.
@@ -205,12 +214,12 @@ class Injector:
     async def _end(self, faults: Sequence[Fault]) -> None:
         """End faults at one instant; a new process stands by for each agent that comes back then."""
         if self._swarm.pace == "lockstep":
-            async with self._swarm.intervening:
+            async with self._intervention():
                 until_ns = await self._freeze()
                 await self._end_at(faults, await self._standbys(faults), until_ns)
         else:
             revived = await self._standbys(faults)
-            async with self._swarm.intervening:
+            async with self._intervention():
                 await self._end_at(faults, revived, self._swarm.ahead_ns(self._ahead_s()))
 
     async def _standbys(self, faults: Sequence[Fault]) -> list[tuple[tuple[str, int], Kill]]:

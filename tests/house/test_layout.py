@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "volery"
 CODE_FOLDERS = sorted(path.parent.name for path in ROOT.glob("*/__init__.py"))
-LONGEST_FILE = 400
+LONGEST_FILE = 500
 
 
 def python_files() -> list[Path]:
@@ -30,7 +30,7 @@ def test_package_has_no_folder_or_link_of_its_own() -> None:
 
 
 def test_no_file_is_too_long() -> None:
-    """A file holds one subject and at most 400 lines."""
+    """A file of more than 500 lines probably holds two subjects: look at it again."""
     lengths = {str(path.relative_to(ROOT)): len(path.read_text("utf-8").splitlines()) for path in python_files()}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
 
