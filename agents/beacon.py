@@ -144,7 +144,7 @@ class Beacon(Agent):
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """Names of nobody, or leaves where there are none."""
+        """Names of unknown agents, or leaves where there are none."""
         beacons = [agent for agent in plan.agents if isinstance(agent.parameters, BeaconParameters)]
         named = {str(name) for agent in beacons for name in agent.parameters.named}
         if strangers := sorted(named - {agent.name for agent in plan.agents}):

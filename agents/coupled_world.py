@@ -78,7 +78,7 @@ class WorldContext(Context):
 
 
 class CoupledWorld(Agent):
-    """Advances the world of its plan from instant to instant at which somebody senses, acts, or the truth is due.
+    """Advances the world of its plan to each instant at which an agent senses or acts, or the truth is due.
 
     It reports every true quantity under its own name at the world's `truth_rate`, and what the agents' central
     estimator estimates under `oracle QUANTITY`.
@@ -113,7 +113,7 @@ class CoupledWorld(Agent):
         return self._truth_rate, self._next_truth
 
     def on_timer(self, timer: Timer) -> None:
-        """Take the samples of this instant, then write the truth down if that is due."""
+        """Take the samples of this instant, then report the truth if that is due."""
         now_ns = timer.time_ns
         self._running.advance(now_ns)
         due = {rate: index for rate, index in self._next.items() if period_ns(rate, index) == now_ns}
@@ -156,7 +156,7 @@ class CoupledWorld(Agent):
             self.context.note(facts.pop("event"), **facts)
 
     def on_frame(self, frame: Received) -> None:
-        """Commands take effect."""
+        """Let commands take effect."""
         self._running.advance(self.context.now_ns)
         for command, value in unpack_commands(frame.payload).items():
             self._running.act(frame.source, command, value)

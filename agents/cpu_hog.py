@@ -1,4 +1,4 @@
-"""What a CPU hog does: it keeps an agent's interpreter busy for a share of the time."""
+"""A CPU hog: keeps an agent's interpreter busy for a share of the time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an agent's process writes down: estimates, and the story of every frame. The record is made of these batches.
+"""The journal of an agent's process: estimates, and what became of frames. The record is made of these batches.
 
 Entries are tuples of plain values, so that they travel as MessagePack and are kept as JSON without loss.
 """
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 LAST_HEARD = "last-heard"
-"""Event: how many transmissions of a life that was ended from outside have come."""
+"""Event: how many transmissions of an incarnation that was killed externally have come."""
 
 MISSED = "missed"
 """Event: samples or commands were lost by the middleware on a wire."""

@@ -1,4 +1,4 @@
-"""The mailbox of a process: what Zenoh's thread leaves for the loop."""
+"""The mailbox of a process, which Zenoh's thread fills and the loop empties."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..transport.frames import Message
 
 
 class Mailbox:
-    """Frames as Zenoh's thread brings them, until the loop takes them in.
+    """Frames that have arrived and that the loop has not taken yet.
 
     A wake-up of the loop costs more than a frame, so the pacers let it sleep until a frame matters.
     """
@@ -20,14 +20,14 @@ class Mailbox:
         self.overflowed = 0
 
     def put(self, source: str, frame: Message) -> None:
-        """Keep a frame; called on Zenoh's thread. One too many is lost, and counted."""
+        """Keep a frame; called on Zenoh's thread. A frame over the limit is lost, and counted."""
         if len(self._frames) < self.LIMIT:
             self._frames.append((source, frame))
         else:
             self.overflowed += 1
 
     def take(self) -> list[tuple[str, Message]]:
-        """All frames that are here, in the order in which they came; called on the loop."""
+        """Take all frames, in the order of their arrival; called on the loop."""
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
     def __bool__(self) -> bool:

@@ -18,17 +18,17 @@ from .run_start import Guard, RunStart, Write
 
 _GRACE_S = 0.1
 _DRAIN_S = 0.05
-"""A killed agent still hears what was due before its end."""
+"""How long a killed agent still receives what was due before its end."""
 _AHEAD_NS = 8_000_000
-"""How far ahead of its start, on the clock, a frame is put on the wire.
+"""How long before its start, on the clock, a frame is put on the wire.
 
-Far less than live faults are announced ahead; and not more, so that frames that start later do not stand in the way.
+Far less than live faults are announced ahead, and short, so that frames that start later do not delay earlier ones.
 """
 _LATENESS_KEPT = 50_000
 
 
 class Realtime:
-    """Handles each event when the wall clock reaches its nominal time, and the work of its own links ahead of it.
+    """Handles each event when the wall clock reaches its nominal time, and transmissions a little earlier.
 
     Within `compute` nothing that the agent is yet to do can be offered to its links, and the start of a frame that
     waits for its slot is settled, so a frame is on its way before its nominal start: this, airtime and latency are the
@@ -95,7 +95,7 @@ class Realtime:
     def advance(self) -> None:
         """Handle what is due, then sleep until the next event.
 
-        The mail is looked at again once the timer is set: what came in between may be due before that.
+        The mail is read again once the timer is set: what came in between may be due before that.
         """
         while True:
             for source, frame in self.mail.take():
@@ -129,7 +129,7 @@ class Realtime:
         return FOREVER_NS
 
     def _wake_for(self, event: Event, now_ns: int) -> int:
-        """The nominal instant at which there is something to do about the next event."""
+        """The nominal instant at which the next event needs attention."""
         time_ns, rank = event[TIME], event[RANK]
         if rank == TRANSMIT and time_ns - self._ahead_ns > now_ns:
             return time_ns - self._ahead_ns

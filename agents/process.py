@@ -1,4 +1,4 @@
-"""The shell of one agent's OS process: a Zenoh session, an asyncio loop, and a node that does the thinking."""
+"""The shell of one agent's OS process: a Zenoh session, an asyncio loop, a pacer and a node."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Pace = Literal["realtime", "lockstep"]
 
 @dataclass(frozen=True)
 class Assignment:
-    """What one process is to be."""
+    """What one process runs, and how it joins."""
 
     plan: Plan
     name: str
@@ -69,9 +69,9 @@ def main(assignment: Assignment, path: list[str]) -> None:
 
 
 def _end_with_supervisor() -> None:
-    """Let the kernel kill this process when the supervisor is gone, which closes its end of a pipe then.
+    """Let the kernel kill this process once the supervisor has ended and its end of a pipe is closed.
 
-    So no agent is left over that still joins, or whose own code never comes back to the loop.
+    This also ends agents that are still joining, or whose own code never returns to the loop.
     """
     parent = parent_process()
     assert parent is not None
@@ -95,7 +95,7 @@ class _Shell:
         self._finished = self._killed = self._crashed = False
 
     async def live(self) -> None:
-        """Join the swarm, run, and leave it whole."""
+        """Join the swarm, run until stopped, and close the session."""
         it, keys = self._it, self._keys
         loop = self._loop = asyncio.get_running_loop()
         self._stopped = asyncio.Event()
@@ -133,7 +133,7 @@ class _Shell:
         self._links[outlet].put(encode(message))
 
     def _guard(self, handle: Callable[[], None]) -> Callable[[], None]:
-        """An exception in the agent's code ends its process, and is told."""
+        """Wrap a function: an exception in the agent's code is journalled and ends the process."""
 
         def guarded() -> None:
             if self._crashed:
@@ -190,10 +190,10 @@ class _Shell:
         return orders[do](**order)
 
     def _rehearse(self) -> bool:
-        """Use each link once, and run the first moments on nodes that are thrown away, which hear their own frames.
+        """Warm up: use each link once, and run the first moments on throw-away nodes that hear their own frames.
 
-        Agents are pure and an empty promise says nothing, so that nothing comes of it but warm code and known routes:
-        the first round of the run is not slower than the rest.
+        Agents are pure and a promise of 0 says nothing, so this has no effect but warm code and known routes: the first
+        round of the run is not slower than the rest.
         """
         for outlet in self._links:
             say = air_promise if outlet == AIR else promise
@@ -203,7 +203,7 @@ class _Shell:
         return True
 
     def _play(self) -> None:
-        """The first moments, with one of those to whom it is wired: a coupled world, or for that one agent."""
+        """Run the first moments, together with the coupled world where there is one, or one agent for that."""
         plan, me = self._it.plan, self._it.plan.agent(self._it.name)
         heap: list[Event] = []
         nodes: dict[str, Node] = {}
@@ -223,7 +223,7 @@ class _Shell:
         fabric.run(heap, _REHEARSAL_NS)
 
     def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, run_start: dict[str, Any]) -> bool:
-        """Come to life at `start_ns`, with the live faults so far and what the last life has left."""
+        """Start this incarnation at `start_ns`, with the live faults so far and the state saved before."""
         it = self._it
         node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
         for fault in faults:
@@ -242,11 +242,11 @@ class _Shell:
         return self._pacer.arm([from_plain(fault) for fault in faults], instant_ns)
 
     def _end(self, instant_ns: int) -> bool:
-        """The run ends earlier than planned, at an instant that is still to come."""
+        """End the run earlier than planned; whether the instant is still to come."""
         return self._pacer.end_at(instant_ns)
 
     def _stop(self) -> int:
-        """The process ends; the number of its last batch, which is on its way then."""
+        """End the process; the number of its last batch, which is sent after this answer."""
         self._finish()
         self._stopped.set()
         return 0 if self._node is None else self._batches + 1
@@ -275,7 +275,7 @@ class _Shell:
         self._pacer.close()
 
     def _done(self) -> None:
-        """The run is over for this node: an injected kill, or the end."""
+        """The node has ended: by an injected kill, or with the run."""
         assert self._node is not None
         if self._node.state.dead and not self._killed:
             self._killed = True

@@ -21,8 +21,8 @@ _BUILT_IN = {
     "tracker": "volery.agents.fusion.tracker:Tracker",
     "sensor-node": "volery.agents.sensor_node:SensorNode",
 }
-_BESIDE = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}
-"""What runs beside agents and is none that a scenario could ask for."""
+_WORLD_AGENTS = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}
+"""Kinds that run beside the agents and that no scenario can name."""
 
 
 def names() -> list[str]:
@@ -37,7 +37,7 @@ def find(kind: str) -> type[Agent]:
     Raises:
         BadInput: no such name, module or class, or not a subclass of Agent.
     """
-    target = kind if ":" in kind else {**_BUILT_IN, **_BESIDE}.get(kind)
+    target = kind if ":" in kind else {**_BUILT_IN, **_WORLD_AGENTS}.get(kind)
     if target is None:
         points = entry_points(group=ENTRY_POINTS, name=kind)
         if not points:

@@ -16,9 +16,8 @@ Guard = Callable[[Callable[[], None]], Callable[[], None]]
 class RunStart:
     """What an agent is told of the run that it joins.
 
-    epoch_ns: where nominal time 0 is on the monotonic clock. end_ns: nominal end. interventions: how often somebody has
-    intervened so far. external_kills: agents and
-    incarnations that were killed externally.
+    epoch_ns: nominal time 0 on the monotonic clock. end_ns: nominal end. interventions: their number so far.
+    external_kills: agents and incarnations that were killed externally.
     """
 
     epoch_ns: int

@@ -1,4 +1,4 @@
-"""Sensor nodes: agents that hand each sample of their sensors on to all neighbours, stamped by their own clock."""
+"""Sensor nodes: agents that send each sample of their sensors to all neighbours, stamped by their own clock."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .payloads import Precision
 from .plan import Plan
 
 _LOOKED_AT = 100
-"""So many samples are looked at for one in which a sensor sees something."""
+"""Number of samples searched for one in which a sensor sees something."""
 
 
 @dataclass(frozen=True)
 class SensorNodeParameters:
-    """What a sensor node says.
+    """Settings of a sensor node.
 
     sensors: names of its sensors; their places in this list are their numbers on the wire. A node with one sensor
         needs no list.
@@ -40,7 +40,7 @@ class SensorNodeParameters:
 
 
 class SensorNode(Agent):
-    """One node; it estimates nothing, and sends nothing where its sensor sees nothing."""
+    """A node that estimates nothing, and sends nothing where its sensor sees nothing."""
 
     Parameters = SensorNodeParameters
     timers_only = True
@@ -91,7 +91,7 @@ def _problem(name: str, parameters: SensorNodeParameters, rates: dict[str, Hertz
 
 
 def own_sensors(plan: Plan, hub: str) -> Iterator[str]:
-    """Sensors of an agent that listens to nodes only, in a sentence with the remedy; nothing if it has none."""
+    """Problem, with the remedy, of an agent that uses sensor nodes only but has sensors of its own."""
     if has := _sensors(plan, hub):
         yield f"{hub} has {', '.join(has)} of its own, and uses what its neighbours send only: give it to a sensor node"
 
@@ -104,7 +104,7 @@ def numbers(plan: Plan, name: str) -> list[tuple[str, int]]:
 
 
 def widths(plan: Plan, name: str) -> dict[str, int | None]:
-    """Sensor of a node → values in a sample, None where it sees nothing for long."""
+    """Sensor of a node → values in a sample, None where the first hundred samples see nothing."""
     return {sensor: _width(plan, name, sensor) for sensor in _sensors(plan, name)}
 
 
@@ -114,7 +114,7 @@ def _sensors(plan: Plan, name: str) -> dict[str, Hertz]:
 
 
 def _width(plan: Plan, name: str, sensor: str) -> int | None:
-    """Values in a sample, None where the sensor sees nothing for long."""
+    """Values in a sample, None where the first hundred samples see nothing."""
     assert plan.world is not None
     samples = (plan.world.measure(name, sensor, index) for index in range(_LOOKED_AT))
     return next((sample.size for sample in samples if sample is not None), None)

@@ -1,4 +1,4 @@
-"""What travels on the wires between agents and a coupled world: samples one way, commands the other."""
+"""Encoding of what travels on the wires between agents and a coupled world: samples one way, commands the other."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .agent import Sample
 
 
 def pack_samples(samples: Iterable[Sample]) -> bytes:
-    """Samples of one agent that were taken at one instant, bit for bit."""
+    """Encode samples of one agent that were taken at one instant, exactly."""
     return payloads.encode(
         [(one.sensor, one.index, one.time_ns, *_flat(one.value)) for one in samples], precision="float64"
     )
@@ -23,7 +23,7 @@ def _flat(value: NDArray[np.float64] | None) -> tuple[Sequence[int] | None, NDAr
 
 
 def unpack_samples(payload: bytes, reading: Callable[[int], int]) -> list[Sample]:
-    """What `pack_samples` was given, stamped with what the agent's own clock reads at the instant."""
+    """Decode samples; they are stamped with the `reading` of the agent's own clock at their instant."""
     return [
         Sample(sensor, index, reading(time_ns), None if shape is None else flat.reshape(shape))
         for sensor, index, time_ns, shape, flat in payloads.decode(payload)
@@ -31,12 +31,12 @@ def unpack_samples(payload: bytes, reading: Callable[[int], int]) -> list[Sample
 
 
 def pack_commands(commands: Mapping[str, ArrayLike]) -> bytes:
-    """Commands that are given at one instant, bit for bit."""
+    """Encode commands that are given at one instant, exactly."""
     flat = {name: np.asarray(value, dtype=np.float64).ravel() for name, value in commands.items()}
     return payloads.encode(flat, precision="float64")
 
 
 def unpack_commands(payload: bytes) -> dict[str, NDArray[np.float64]]:
-    """What `pack_commands` was given, each value flat."""
+    """Decode commands, each value flat."""
     commands: dict[str, NDArray[np.float64]] = payloads.decode(payload)
     return commands

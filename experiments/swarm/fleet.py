@@ -110,10 +110,10 @@ class Fleet:
         """Start the incarnation of a process on standby at an instant, with the state saved before, if any."""
         name, incarnation = key
         await self.order(self.start_order(start_ns, saved), name, incarnation)
-        self.lives(name, incarnation)
+        self.mark_alive(name, incarnation)
         self.sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
-    def lives(self, name: str, incarnation: int) -> None:
+    def mark_alive(self, name: str, incarnation: int) -> None:
         """Note that an incarnation is alive."""
         self._living[name] = incarnation
         self.status.alive.add(name)

@@ -1,4 +1,4 @@
-"""Whether a live fault makes sense now: what is refused, and what is done but said to be vain."""
+"""Checks of a live fault: what is refused, and what is done with a note that it has no effect."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..scenario.paces import check_pace
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What a fault would meet.
+    """The state of the run that a fault would meet.
 
     `in_force`: id → fault that holds now. `alive`: agents. `used`: links that have carried a frame so far.
     """
@@ -31,7 +31,7 @@ class Circumstances:
 
 
 def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
-    """Check live faults, with times counted from now; of a random process those that begin later are looked at alone.
+    """Check live faults, with times counted from now; later ones of a random process are checked each alone.
 
     Raises:
         BadInput: one of them is impossible, or would change nothing.
@@ -73,7 +73,7 @@ def _check_fit(fault: LinkFault, now: Circumstances) -> None:
 
 
 def warnings(faults: Iterable[Fault], now: Circumstances) -> Iterator[str]:
-    """Links that carry nothing, so that a fault of theirs has no effect."""
+    """Notes on links that carry nothing, so that a fault has no effect on them."""
     links = dict.fromkeys(link for fault in faults if isinstance(fault, LinkFault) for link in fault.links)
     silent = idle_links(now.plan, links)
     if silent:

@@ -1,4 +1,4 @@
-"""Faults injected while a swarm runs: armed everywhere beforehand, in effect at one nominal instant, and recorded."""
+"""Faults injected while a swarm runs: armed at all agents beforehand, in effect at one nominal instant, recorded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .supervisor import Swarm
 _AHEAD_S = 0.05
 _TRIES = 3
 _BEFORE_EFFECT_S = 0.02
-"""Agents transmit a little ahead: this long before its instant a fault may have an effect already."""
+"""Agents transmit a little early: this long before its instant a fault may already have an effect."""
 _TIMES_AN_ORDER = 2.0
 _UNDONE = {"cut": "is cut", "hold": "is held"}
 
@@ -37,7 +37,7 @@ class Injector:
         self._took_s = 0.0
 
     def in_force(self) -> dict[str, Fault]:
-        """The faults that hold now, those of the timeline included; what was asked for just now counts as done."""
+        """The faults in force now, those of the timeline included; what was asked for just now counts as done."""
         return in_force(self._faults.values(), self._now_ns())
 
     def _now_ns(self) -> int:
@@ -50,7 +50,7 @@ class Injector:
         )
 
     async def inject(self, written: Mapping[str, Any]) -> str:
-        """Let a fault take effect, written as an entry of the timeline with no time but `for`; what was done, in words.
+        """Inject a fault, given as an entry of the timeline with no time but `for`; what was done, in words.
 
         Raises:
             BadInput: not a fault, something that does not exist, or one without effect.
@@ -79,9 +79,9 @@ class Injector:
             yield
 
     async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
-        """Choose an instant and arm the faults everywhere.
+        """Choose an instant and arm the faults at all agents.
 
-        If some agent was too slow they are armed anew for a later instant, as long as they have no effect anywhere yet.
+        If an agent was too slow they are armed anew for a later instant, as long as they have had no effect yet.
         """
         swarm = self._swarm
         frozen_ns = await self._freeze() if swarm.pace == "lockstep" else 0
@@ -102,7 +102,7 @@ class Injector:
         """Freeze all agents, in lockstep pace; the first instant of which no agent has said anything yet.
 
         Raises:
-            BadInput: there is none for somebody who has no living neighbour to wait for, and is at the end already.
+            BadInput: there is none, as an agent without a living neighbour to wait for is at the end already.
         """
         answers = await self._swarm.order({"do": "freeze"})
         mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
@@ -123,7 +123,7 @@ class Injector:
         return all(answers.values())
 
     def _ahead_s(self) -> float:
-        """How far ahead an instant is put: further where the last order took long to reach everybody."""
+        """How far ahead to put an instant: further where the last order took long to reach all agents."""
         return max(_AHEAD_S, _TIMES_AN_ORDER * self._took_s)
 
     def _say_if_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
@@ -136,7 +136,7 @@ class Injector:
         """Undo faults that are in force, all of them if none is named; what was done, in words.
 
         The name of an entry stands for all of its faults, t3 for t3.1 and t3.2, also for those to come, except kills.
-        Kills whose agents come back by themselves take their course.
+        Kills whose agents return by themselves are left alone.
 
         Raises:
             BadInput: a name that is not in force, or nothing to clear.
@@ -176,7 +176,7 @@ class Injector:
         return f"restarted {await self._end_of(Kill, words, 'was killed')}"
 
     async def resume(self, words: str) -> str:
-        """Let paused agents go on; what was done, in words.
+        """Resume paused agents; what was done, in words.
 
         Raises:
             BadInput: none of them is paused.
@@ -212,7 +212,7 @@ class Injector:
         return f"cleared {', '.join(fault.id for fault in chosen)}"
 
     async def _end(self, faults: Sequence[Fault]) -> None:
-        """End faults at one instant; a new process stands by for each agent that comes back then."""
+        """End faults at one instant; a new process stands by for each agent that returns then."""
         if self._swarm.pace == "lockstep":
             async with self._intervention():
                 until_ns = await self._freeze()
@@ -256,7 +256,7 @@ def _shifted(draft: Fault, by_ns: int) -> Fault:
 
 
 def _told(faults: Sequence[Fault]) -> str:
-    """When faults hold, in words."""
+    """When faults are in force, in words."""
     begin_s = min(fault.at_ns for fault in faults) / 1e9
     ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
     end = f"until {max(ends) / 1e9:.3f} s" if len(ends) == len(faults) else "until cleared"

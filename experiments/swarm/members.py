@@ -15,14 +15,14 @@ from ..record.record import INJECTED
 
 _LOOK_EVERY_S = 0.5
 _STOPPED_S = 2.0
-_LAST_WORDS_S = 1.0
+_LAST_BATCH_S = 1.0
 
 
 @dataclass
 class Member:
-    """One process. `state` is what its agent saves when it dies of a fault that keeps it.
+    """One process. `state` is what its agent saves when a fault kills it that keeps the state.
 
-    `killed`: it has told that a fault ends its life. `buried`: it has ended, and it is known of what.
+    `killed`: it has reported that a fault kills it. `buried`: it has ended, and the cause is known.
     """
 
     process: ForkServerProcess
@@ -36,10 +36,10 @@ class Member:
     state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
     async def cause(self) -> str:
-        """Of its end. Its last words may be on their way still: a fault, or else somebody from outside."""
+        """Cause of its end: a fault, whose report may still be on its way, or something external."""
         if self.process.exitcode == -signal.SIGKILL:
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_LAST_WORDS_S):
+                async with asyncio.timeout(_LAST_BATCH_S):
                     await self.killed.wait()
         if self.killed.is_set():
             return INJECTED
@@ -51,7 +51,7 @@ class Member:
 
 
 async def joined_or_ended(member: Member) -> None:
-    """Wait until a process has joined the swarm, or has ended without."""
+    """Wait until a process has joined the swarm or has ended."""
     waits = [asyncio.ensure_future(event.wait()) for event in (member.joined, member.ended)]
     await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
     for wait in waits:
@@ -59,7 +59,7 @@ async def joined_or_ended(member: Member) -> None:
 
 
 async def watch_for_stopped(members: Callable[[], Iterable[Member]]) -> None:
-    """A process that is stopped from outside for a while counts as dead."""
+    """Kill processes that are stopped externally (SIGSTOP) for a while."""
     since: dict[int, float] = {}
     while True:
         await asyncio.sleep(_LOOK_EVERY_S)

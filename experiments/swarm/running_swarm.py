@@ -14,7 +14,7 @@ from .control_client import call
 
 @dataclass(frozen=True)
 class RunningSwarm:
-    """A swarm that runs, by its folder.
+    """A running swarm, by its folder.
 
     Every method raises BadInput where what it asks is refused or the run is over, and RunFailed without an answer.
     """
@@ -22,10 +22,10 @@ class RunningSwarm:
     folder: Path
 
     def inject(self, fault: Mapping[str, Any]) -> str:
-        """Let a fault take effect, written as in a scenario's timeline but without times: {"cut": "3-7", "for": "2 s"}.
+        """Inject a fault, given as in a scenario's timeline but without times: {"cut": "3-7", "for": "2 s"}.
 
         Returns:
-            Its name, when it holds, and notes, each a line.
+            Its name, when it is in force, and notes, each a line.
         """
         return str(call(self.folder, {"do": "inject", "fault": dict(fault)}))
 
@@ -38,15 +38,15 @@ class RunningSwarm:
         return str(call(self.folder, {"do": "restore", "links": links}))
 
     def release(self, links: str) -> str:
-        """Let the frames come that are held back on these links."""
+        """Release the frames that are held back on these links."""
         return str(call(self.folder, {"do": "release", "links": links}))
 
     def restart(self, agents: str) -> str:
-        """Bring back agents that were killed."""
+        """Restart agents that were killed."""
         return str(call(self.folder, {"do": "restart", "agents": agents}))
 
     def resume(self, agents: str) -> str:
-        """Let agents go on that are paused."""
+        """Resume agents that are paused."""
         return str(call(self.folder, {"do": "resume", "agents": agents}))
 
     def status(self) -> dict[str, Any]:

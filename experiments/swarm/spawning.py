@@ -1,4 +1,4 @@
-"""Agent processes, forked from a server that has the heavy libraries loaded already: a swarm starts in seconds."""
+"""Start of agent processes: forked from a server that has loaded the heavy libraries, a swarm starts in seconds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PRELOAD = ["volery.agents.process", "volery.agents.dfa.module"]
 
 @contextmanager
 def _plain_main() -> Iterator[None]:
-    """Keep the children from importing the program that started the swarm, with its whole command line."""
+    """Keep the children from importing the main program, with its whole command line."""
     original = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -34,7 +34,7 @@ def prepare() -> None:
 
 
 def spawn(assignment: Assignment) -> ForkServerProcess:
-    """A running process for one agent."""
+    """Start a process for one agent."""
     context = multiprocessing.get_context("forkserver")
     name = f"volery-{assignment.run}-{assignment.name}-{assignment.incarnation}"
     process = context.Process(target=main, args=(assignment, list(sys.path)), name=name, daemon=True)

@@ -170,7 +170,7 @@ class Swarm(Fleet):
             if sample.kind == zs.PUT and (name, incarnation) in self.members:
                 self.members[name, incarnation].joined.set()
                 if incarnation == 0:
-                    self.lives(name, incarnation)
+                    self.mark_alive(name, incarnation)
 
     async def _watch_the_end(self) -> None:
         """In realtime pace, end a run whose agents say nothing long after their end."""
