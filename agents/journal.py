@@ -70,6 +70,41 @@ class Late(NamedTuple):
     copy: int = 0
 
 
+class Released(NamedTuple):
+    """A frame that its link held back until `time_ns`, when it was let go."""
+
+    source: str
+    incarnation: int
+    sequence: int
+    time_ns: int
+    copy: int = 0
+
+
+class Arrived(NamedTuple):
+    """When a frame really came to the process of its receiver, and when it was handed over.
+
+    In realtime pace only, by the wall clock as nominal time.
+    """
+
+    source: str
+    incarnation: int
+    sequence: int
+    arrived_ns: int
+    handed_ns: int
+    copy: int = 0
+
+
+FRAME_ROWS: dict[str, Any] = {
+    "sent": Sent,
+    "heard": Heard,
+    "dropped": Dropped,
+    "late": Late,
+    "released": Released,
+    "arrived": Arrived,
+}
+"""The lists of a batch that speak of frames, and the kind of their rows."""
+
+
 @dataclass
 class Batch:
     """The entries of one agent and incarnation since the last batch, each list in the order of its events."""
@@ -81,11 +116,13 @@ class Batch:
     heard: list[Heard] = field(default_factory=list)
     dropped: list[Dropped] = field(default_factory=list)
     late: list[Late] = field(default_factory=list)
+    released: list[Released] = field(default_factory=list)
+    arrived: list[Arrived] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
 
     def __bool__(self) -> bool:
         """Whether there is anything in it."""
-        return bool(self.estimates or self.sent or self.heard or self.dropped or self.late or self.events)
+        return bool(self.estimates or self.events or any(getattr(self, name) for name in FRAME_ROWS))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for MessagePack and JSON."""
@@ -94,6 +131,6 @@ class Batch:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Batch:
         """The batch that `to_dict` took apart."""
-        kinds = {"estimates": Estimate, "sent": Sent, "heard": Heard, "dropped": Dropped, "late": Late}
+        kinds = {"estimates": Estimate, **FRAME_ROWS}
         entries = {name: [kind(*entry) for entry in data[name]] for name, kind in kinds.items()}
         return cls(data["agent"], data["incarnation"], events=data["events"], **entries)

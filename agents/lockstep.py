@@ -138,7 +138,7 @@ class Lockstep:
         block the next event need not be those that block a further promise.
         """
         while not self._frozen:
-            for source, frame in self.mail.take():
+            for source, frame, _ in self.mail.take():
                 self._take(source, frame)
             self._handle_safe()
             self._blocking = [self._unheard(), self._neighbours.blocking()]

@@ -55,6 +55,7 @@ class Realtime:
     def begin(self, node: Node, run_start: RunStart) -> None:
         """Start the clock."""
         self._node, self._state = node, node.state
+        node.receiver.wall_ns = self.now_ns
         self._epoch_ns = run_start.epoch_ns
         self._end_ns = run_start.end_ns
         self._ahead_ns = int(_AHEAD_NS * self._speed)
@@ -65,13 +66,17 @@ class Realtime:
 
     def now_ns(self) -> int:
         """Nominal time by the wall clock."""
-        return int((time.monotonic_ns() - self._epoch_ns) * self._speed)
+        return self._nominal_ns(time.monotonic_ns())
+
+    def _nominal_ns(self, monotonic_ns: int) -> int:
+        """The nominal instant at an instant of the monotonic clock."""
+        return int((monotonic_ns - self._epoch_ns) * self._speed)
 
     def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame until it is due, or wake up earlier for it; called on Zenoh's thread."""
         if frame.sequence == PROMISE_ONLY:
             return
-        self.mail.put(source, frame)
+        self.mail.put(source, frame, time.monotonic_ns())
         if self._armed_ns and (due_ns := self._wall_ns(frame.due_ns)) < self._armed_ns:
             self._arm_timer(due_ns)
 
@@ -98,8 +103,8 @@ class Realtime:
         The mail is read again once the timer is set: what came in between may be due before that.
         """
         while True:
-            for source, frame in self.mail.take():
-                self._node.receiver.receive(source, frame)
+            for source, frame, arrived_ns in self.mail.take():
+                self._node.receiver.receive(source, frame, self._nominal_ns(arrived_ns))
             self._arm_timer(self._handle_due())
             if not self.mail:
                 return

@@ -10,7 +10,7 @@ from ..transport.events import DATA, FRAME, HANDLER, SOURCE, TIME, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import DELIVERED, fate
 from ..transport.media import AIR, Ether
-from .journal import LAST_HEARD, MISSED, Heard, Late
+from .journal import LAST_HEARD, MISSED, Arrived, Heard, Late, Released
 from .node_state import NodeState
 from .sender import Sender
 
@@ -31,24 +31,32 @@ class Receiver:
 
     `unheard_ns` says before which instant no transmission starts that is yet unheard. Unless the pace knows better that
     follows from the order of each neighbour's frames, so that one which never sends keeps everything remembered.
+    `wall_ns` is nominal time by the wall clock, for a pace that has one.
     """
 
     def __init__(self, state: NodeState, sender: Sender, ether: Ether, deliver: Callable[[Event], None]) -> None:
         self._state, self._sender, self.ether, self._deliver = state, sender, ether, deliver
         self.unheard_ns: Callable[[], int] = self._in_order_ns
+        self.wall_ns: Callable[[], int] | None = None
         self._newest = {source: 0 for source in state.neighbours if source not in state.wired}
         self._noted = 0
         self._settled: deque[tuple[int, int, str, Frame]] = deque(maxlen=_SETTLED_KEPT)
         self._settled_end_ns = 0
         self._holding: set[str] = set()
         self._held: dict[str, list[Event]] = {}
+        self._arrivals: dict[tuple[str, int, int, int], int] = {}
         self._transmissions: dict[tuple[str, int], int] = {}
         self._external_kills: set[tuple[str, int]] = set()
 
-    def receive(self, source: str, message: Message) -> None:
+    def receive(self, source: str, message: Message, arrived_ns: int = 0) -> None:
         """Take in a message as soon as the network has it; a frame is handled when it is due, or at once if it is late.
 
         A frame that started before this incarnation is ignored.
+
+        Args:
+            source: who sent it.
+            message: a frame, or a transmission of a radio.
+            arrived_ns: when it arrived by `wall_ns`, if there is one.
         """
         self._count(source, message)
         if source in self._newest:
@@ -56,12 +64,12 @@ class Receiver:
         if message.start_ns < self._state.start_ns:
             return
         if isinstance(message, Frame):
-            self._take(source, message)
+            self._take(source, message, arrived_ns)
             return
         if self._state.name not in message.shaded:
             self._overhear(source, message)
         for frame in message.for_target(self._state.name):
-            self._take(source, frame)
+            self._take(source, frame, arrived_ns)
         self.note_transmission()
 
     def _count(self, source: str, message: Message) -> None:
@@ -73,8 +81,10 @@ class Receiver:
             entry = {"event": MISSED, "source": source, "count": missing, "time_ns": message.start_ns}
             self._state.journal.events.append(entry)
 
-    def _take(self, source: str, frame: Frame) -> None:
+    def _take(self, source: str, frame: Frame, arrived_ns: int) -> None:
         state = self._state
+        if self.wall_ns is not None and source not in state.wired:
+            self._arrivals[source, frame.incarnation, frame.sequence, frame.copy] = arrived_ns
         sequence = (frame.incarnation << _INCARNATION_SHIFT) + frame.sequence
         event = (frame.due_ns, FRAME, source, sequence, frame.copy, state.index, self._on_arrival, frame)
         if state.has_passed(event):
@@ -114,11 +124,21 @@ class Receiver:
         if source not in state.wired:
             heard = Heard(source, frame.incarnation, frame.sequence, frame.due_ns, became, frame.copy)
             state.journal.heard.append(heard)
+            self._note_arrival(source, frame)
         if outlet == AIR:
             self._settled.append((start, end, source, frame))
             self._settled_end_ns = max(self._settled_end_ns, end)
         if became == DELIVERED:
             self._deliver(event)
+
+    def _note_arrival(self, source: str, frame: Frame) -> None:
+        """Journal when a frame really came, where there is a wall clock."""
+        if self.wall_ns is None:
+            return
+        number = (frame.incarnation, frame.sequence, frame.copy)
+        if (arrived_ns := self._arrivals.pop((source, *number), None)) is not None:
+            row = Arrived(source, frame.incarnation, frame.sequence, arrived_ns, self.wall_ns(), frame.copy)
+            self._state.journal.arrived.append(row)
 
     # -- what is forgotten ------------------------------------------------------------------------------------------
 
@@ -163,6 +183,9 @@ class Receiver:
         if self._state.dead or source in self._holding:
             return
         for held in self._held.pop(source, ()):
+            frame: Frame = held[DATA]
+            released = Released(source, frame.incarnation, frame.sequence, event[TIME], frame.copy)
+            self._state.journal.released.append(released)
             self._on_arrival((event[TIME], *held[1:]))
 
     # -- the end ------------------------------------------------------------------------------------------------

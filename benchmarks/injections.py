@@ -34,7 +34,7 @@ def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, flo
 
     async def life() -> tuple[TimedSwarm, list[int]]:
         swarm = TimedSwarm(plan, collector, _RUN)
-        injector = Injector(swarm, collector)
+        injector = Injector(swarm)
         running = asyncio.create_task(swarm.run())
         await swarm.ready.wait()
         with tempfile.TemporaryDirectory() as folder:

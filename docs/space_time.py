@@ -6,8 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from volery.agents.plan import Plan
-from volery.experiments.analysis.ages import arrival_ns
-from volery.experiments.analysis.channels import LinkCourse
 from volery.experiments.figures.space_time import LOOKS, Window, draw_space_time, fate_marks
 from volery.experiments.record.frame_fates import FrameFate, frame_fates
 from volery.experiments.record.record import Record
@@ -44,10 +42,9 @@ def settings_of(*fields: str) -> LinkSettings:
 
 
 def frames(record: Record, source: str, target: str) -> list[tuple[FrameFate, str, int]]:
-    """What a link has transmitted, in order: the frame, its fate, and when it arrives."""
-    course = LinkCourse(record, (source, target))
+    """What a link has transmitted, in order: the frame, its fate, and when it was handed over, or is due."""
     sent = [frame for frame in frame_fates(record)[source, target] if frame.start_ns is not None]
-    return [(frame, frame.fate, arrival_ns(frame, course) or record.last_ns) for frame in sent]
+    return [(frame, frame.fate, frame.handed_ns or frame.due_ns or record.last_ns) for frame in sent]
 
 
 def space_time(axes: Axes, record: Record, from_ms: float, until_ms: float) -> None:

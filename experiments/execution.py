@@ -19,7 +19,7 @@ from typing import Any, Literal
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
-from ..transport.faults import in_force
+from ..transport.faults import Kill, in_force
 from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
@@ -32,7 +32,7 @@ from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace
 from .swarm.control_server import ControlServer
 from .swarm.live_faults import Injector
-from .swarm.status import Status
+from .swarm.status import Status, WatchedSink
 from .swarm.supervisor import Ending, Swarm
 from .twin import Twin
 
@@ -112,29 +112,21 @@ def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = N
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
     began = time.monotonic()
-    agents, alive = (frozenset(agent.name for agent in some) for some in (plan.agents, plan.all_agents))
-    status = Status(plan.duration_ns, agents, alive=set(alive))
-
-    class Sink:
-        """Counts what goes into the record."""
-
-        event = staticmethod(recorder.event)
-
-        def __call__(self, batch: Any) -> None:
-            status.take(batch, status.time_ns)
-            recorder(batch)
-
+    status = Status(plan)
+    everybody = {agent.name for agent in plan.all_agents}
     interrupted: list[int] = []
 
     def go_on(now_ns: int) -> bool:
+        faults = in_force(plan.faults, now_ns)
         status.time_ns = now_ns
-        status.faults = in_words(in_force(plan.faults, now_ns), len(plan.links))
+        status.alive = everybody - {fault.agent for fault in faults.values() if isinstance(fault, Kill)}
+        status.faults = in_words(faults, len(plan.links))
         if watch is not None:
             watch(status)
         return not interrupted
 
     with _on_interrupt(lambda number, _frame: interrupted.append(number)):
-        Twin(plan, Sink()).run(go_on)
+        Twin(plan, WatchedSink(recorder, status)).run(go_on)
     return Ending((), time.monotonic() - began)
 
 
@@ -153,7 +145,7 @@ def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[N
 
 async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None) -> Ending:
     swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
-    injector = Injector(swarm, sink)
+    injector = Injector(swarm)
     control_server = ControlServer(swarm, injector)
     loop = asyncio.get_running_loop()
     stopping: set[asyncio.Task[None]] = set()
@@ -173,7 +165,10 @@ async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Op
         loop.add_signal_handler(number, interrupted)
     helpers = [loop.create_task(look_after()), loop.create_task(control_server.serve(Keys(folder.name), folder))]
     try:
-        return await swarm.run()
+        ending = await swarm.run()
+        if watch is not None:
+            watch(swarm.status)
+        return ending
     finally:
         for helper in helpers:
             helper.cancel()

@@ -15,21 +15,18 @@ import numpy as np
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
 from ..record.frame_fates import (
-    ACCESS,
     IN_FLIGHT,
     MISSING,
     QUEUE,
     REFUSED,
-    SENDER_DOWN,
     UNKNOWN,
     FrameFate,
     frame_fates,
+    is_lost,
+    is_transmitted,
 )
 from ..record.record import Record
 
-NOT_LOST = {REFUSED, QUEUE, DELIVERED, UNKNOWN, IN_FLIGHT, MISSING}
-"""Fates that are no loss on the link; every other is the cause of one."""
-_NEVER_ON_AIR = {ACCESS, SENDER_DOWN}
 _QUANTILES = (0.5, 0.99, 1.0)
 
 
@@ -37,10 +34,11 @@ _QUANTILES = (0.5, 0.99, 1.0)
 class LinkAccount:
     """The frames of one directed link, by fate.
 
-    `missing`: no story at all, which is the middleware's loss and 0 in a healthy run. `contradicted`: frames of which
-    two accounts cannot both be true. `sent_bytes` of payload were on the air, `delivered_bytes` of them delivered.
-    `utilisation` is airtime over the length of the run. `latency_ns`: quantiles 0.5, 0.99 and 1 of the travel time of
-    delivered frames from last bit out to due, NaN without any. `late` frames came after something later was handled.
+    `lost`: by cause, losses before the air included. `missing`: no fate at all, which is the middleware's loss and 0 in
+    a healthy run. `contradicted`: two entries of a frame cannot both be true. `sent_bytes` of payload were on the air,
+    `delivered_bytes` of them delivered. `utilisation` is airtime over the length of the run. `latency_ns`: quantiles
+    0.5, 0.99 and 1 of the travel time of delivered frames from last bit out to due, NaN without any. `late` frames came
+    after something later was handled.
     """
 
     offered: int
@@ -63,7 +61,7 @@ class LinkAccount:
     @property
     def transmitted(self) -> int:
         """Frames that were put on the air and whose fate is known: delivered, or lost on their way."""
-        return self.delivered + sum(count for cause, count in self.lost.items() if cause not in _NEVER_ON_AIR)
+        return self.delivered + sum(count for cause, count in self.lost.items() if is_transmitted(cause))
 
     @property
     def delivered_fraction(self) -> float:
@@ -93,7 +91,7 @@ def link_account(frames: Sequence[FrameFate], elapsed_ns: int) -> LinkAccount:
         duplicated=sum(frame.copy for frame in frames),
         refused=fates[REFUSED],
         queue=fates[QUEUE],
-        lost={fate: count for fate, count in sorted(fates.items()) if fate not in NOT_LOST},
+        lost={fate: count for fate, count in sorted(fates.items()) if is_lost(fate)},
         delivered=fates[DELIVERED],
         unknown=fates[UNKNOWN],
         in_flight=fates[IN_FLIGHT],

@@ -19,7 +19,6 @@ from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
 from ..record.frame_fates import FrameFate
 from ..record.record import Record
-from .channels import LinkCourse
 
 _HIGH = 0.99
 
@@ -66,29 +65,22 @@ class AgeMetrics:
 
 def age_courses(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[LinkName, AgeCourse]:
     """The age of information of each link through a run."""
-    return {link: age_course(frames, record.last_ns, LinkCourse(record, link)) for link, frames in fates.items()}
+    return {link: age_course(frames, record.last_ns) for link, frames in fates.items()}
 
 
-def age_course(frames: Sequence[FrameFate], end_ns: int, course: LinkCourse) -> AgeCourse:
-    """That of one link, from its frames; `course` says when what it held back was released."""
-    drops = list(_drops(sorted(_deliveries(frames, end_ns, course))))
+def age_course(frames: Sequence[FrameFate], end_ns: int) -> AgeCourse:
+    """That of one link, from its frames."""
+    drops = list(_drops(sorted(_deliveries(frames, end_ns))))
     times, ages = (np.array([drop[number] for drop in drops], dtype=np.int64) for number in (0, 1))
     return AgeCourse(times, ages, end_ns)
 
 
-def arrival_ns(frame: FrameFate, course: LinkCourse) -> int | None:
-    """When a frame came to its receiver: when it was due, or released, and so much later as it was late."""
-    released = None if frame.due_ns is None else course.released_ns(frame.due_ns)
-    return None if released is None else released + (frame.behind_ns or 0)
-
-
-def _deliveries(frames: Sequence[FrameFate], end_ns: int, course: LinkCourse) -> Iterator[tuple[int, int]]:
-    """Arrival and start of each delivered frame."""
+def _deliveries(frames: Sequence[FrameFate], end_ns: int) -> Iterator[tuple[int, int]]:
+    """When each delivered frame was handed over, and when it started."""
     for frame in frames:
-        if frame.fate == DELIVERED and frame.start_ns is not None:
-            arrived = arrival_ns(frame, course)
-            if arrived is not None and arrived < end_ns:
-                yield arrived, frame.start_ns
+        start_ns, handed_ns = frame.start_ns, frame.handed_ns
+        if frame.fate == DELIVERED and start_ns is not None and handed_ns is not None and handed_ns < end_ns:
+            yield handed_ns, start_ns
 
 
 def _drops(deliveries: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:

@@ -66,12 +66,6 @@ class LinkCourse:
         """Those that hold at an instant."""
         return self._settings[bisect_right(self._changes, time_ns) - 1]
 
-    def released_ns(self, due_ns: int) -> int | None:
-        """When a frame that is due comes: at once, or when the link lets go of what it holds; None for never."""
-        later = range(bisect_right(self._changes, due_ns) - 1, len(self._changes))
-        free = next((index for index in later if not self._settings[index].hold), None)
-        return None if free is None else max(due_ns, self._changes[free])
-
 
 class _Transmission(NamedTuple):
     """A frame on the air, or its duplicate, with the settings that it met."""

@@ -12,29 +12,14 @@ from typing import Any, NamedTuple
 
 from ...topologies import natural_key
 from ...transport.faults import Fault, LinkFault, LinkName
-from ...transport.links import COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST
-from ..record.frame_fates import (
-    ACCESS,
-    IN_FLIGHT,
-    MISSING,
-    QUEUE,
-    RECEIVER_DOWN,
-    REFUSED,
-    SENDER_DOWN,
-    UNKNOWN,
-    FrameFate,
-    frame_fates,
-)
+from ..record.frame_fates import FATES, FrameFate, frame_fates, is_lost
 from ..record.record import Record
 from ..scenario.fault_labels import fault_label
-from .accounting import NOT_LOST
 
 ANY_LOSS = "lost"
-FATES = (
-    *(DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT, ACCESS, RECEIVER_DOWN, SENDER_DOWN),
-    *(REFUSED, QUEUE, IN_FLIGHT, UNKNOWN, MISSING, ANY_LOSS),
-)
-"""What a frame can have become; `lost` stands for every cause of a loss."""
+"""Stands for every cause of a loss."""
+SELECTABLE = (*FATES, ANY_LOSS)
+"""What lines can be asked for by."""
 _OF_AGENTS = ("died", "restarted")
 
 
@@ -62,7 +47,7 @@ class Selection:
 
     def wants_fate(self, fate: str) -> bool:
         """Whether frames of a fate are wanted."""
-        return self.fates is None or fate in self.fates or (ANY_LOSS in self.fates and fate not in NOT_LOST)
+        return self.fates is None or fate in self.fates or (ANY_LOSS in self.fates and is_lost(fate))
 
     def wants_time(self, time_ns: int) -> bool:
         """Whether an instant lies in the span."""

@@ -19,6 +19,7 @@ from .run_display import Progress
 
 AnySwarmName = Annotated[str | None, Parameter(help="A folder, its name in --runs, or last; without it, all that run.")]
 _ASK_EVERY_S = 0.5
+_COLUMNS = ("run", "time", "alive", "frames", "lost", "discarded", "late", "disagreement", "in force")
 
 
 def running_swarms(runs: Path) -> list[Path]:
@@ -51,8 +52,8 @@ def status(run: AnySwarmName = None, *, runs: RunsFolder = RUNS) -> None:
         print_plain(f"no swarm is running in {runs}")
         return
     table = Table()
-    for number, column in enumerate(("run", "time", "alive", "frames", "lost", "late", "disagreement", "in force")):
-        table.add_column(column, justify="left" if number in (0, 7) else "right", overflow="fold")
+    for number, column in enumerate(_COLUMNS):
+        table.add_column(column, justify="left" if number in (0, len(_COLUMNS) - 1) else "right", overflow="fold")
     for folder in folders:
         table.add_row(folder.name, *_cells(call(folder, {"do": "status"})))
     output().print(table)
@@ -63,7 +64,7 @@ def _cells(said: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         f"{said['time_s']:.1f} of {said['duration_s']:g} s",
         f"{len(said['alive'])} of {said['agents']}",
-        *(f"{said[name]:,}" for name in ("frames", "lost", "late")),
+        *(f"{count:,}" for count in (said["frames"], said["lost"], sum(said["discarded"].values()), said["late"])),
         "–" if disagreement is None else f"{disagreement:.3g}",
         "\n".join(f"{name}: {label}" for name, label in said["faults"].items()),
     )

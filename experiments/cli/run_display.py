@@ -59,6 +59,7 @@ def _facts(status: Mapping[str, Any], rate: float) -> str:
         f"{len(status['alive'])} of {status['agents']} agents alive",
         f"{frames:,} frames ({rate:,.0f}/s)",
         f"{lost:,} lost",
+        *(f"{fate} {count:,}" for fate, count in status["discarded"].items()),
         f"{status['late']:,} late",
         f"disagreement {'–' if disagreement is None else format(disagreement, '.3g')}",
     ]

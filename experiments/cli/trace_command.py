@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ...errors import BadInput
-from ..analysis.frame_trace import FATES, Selection, agents_of, trace
+from ..analysis.frame_trace import SELECTABLE, Selection, agents_of, trace
 from ..record.record import Record, load
 from ..scenario.fault_places import parse_links, places_of
 from .common_options import RUNS, RunName, RunsFolder
@@ -19,7 +19,7 @@ from .window import WHOLE, SpanOptions, known
 
 _LINK = "Only these links: 3-7 both directions, 3>7 one (quote it); several with commas."
 _AGENT = "Only what these agents send, receive or suffer; several with commas."
-_FATE = f"Only frames that became this, several with commas: {', '.join(FATES)} for any loss."
+_FATE = f"Only frames that became this, several with commas: {', '.join(SELECTABLE)} for any loss."
 Links = Annotated[tuple[str, ...], Parameter("--link", help=_LINK)]
 Agents = Annotated[tuple[str, ...], Parameter("--agent", help=_AGENT)]
 Fates = Annotated[tuple[str, ...], Parameter("--fate", help=_FATE)]
@@ -46,7 +46,7 @@ class Filters:
         return Selection(
             frozenset(parse_links(self.link, places_of(record.plan))) if self.link else None,
             frozenset(known("--agent", self.agent, agents_of(record))) if self.agent else None,
-            frozenset(known("--fate", self.fate, FATES)) if self.fate else None,
+            frozenset(known("--fate", self.fate, SELECTABLE)) if self.fate else None,
             from_ns or 0,
             until_ns,
         )

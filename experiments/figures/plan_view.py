@@ -80,9 +80,9 @@ class PlanView:
             for agent in self.agents
         }
         self._deaths = dict(_deaths(record))
-        told = {link: sorted(_outcomes(mine)) for link, mine in frame_fates(record).items()}
-        self.lately_ns = _lately(told.values())
-        self._links = {link: _LinkHistory(LinkCourse(record, link), outcomes) for link, outcomes in told.items()}
+        outcomes = {link: sorted(_outcomes(mine)) for link, mine in frame_fates(record).items()}
+        self.lately_ns = _lately(outcomes.values())
+        self._links = {link: _LinkHistory(LinkCourse(record, link), mine) for link, mine in outcomes.items()}
 
     # -- where they are -------------------------------------------------------------------------------------------
 
@@ -220,14 +220,15 @@ def _deaths(record: Record) -> Iterator[tuple[Life, int]]:
 def _outcomes(frames: Iterable[FrameFate]) -> Iterator[tuple[int, bool]]:
     """When the fate of each frame was settled [ns], and whether it came through."""
     for frame in frames:
-        settled_ns = next((each for each in (frame.due_ns, frame.dropped_ns) if each is not None), None)
+        times = (frame.handed_ns, frame.due_ns, frame.dropped_ns)
+        settled_ns = next((each for each in times if each is not None), None)
         if settled_ns is not None and frame.fate != IN_FLIGHT:
             yield settled_ns, frame.fate == DELIVERED
 
 
-def _lately(told: Iterable[Sequence[tuple[int, bool]]]) -> int:
+def _lately(outcomes: Iterable[Sequence[tuple[int, bool]]]) -> int:
     """How far back `of late` reaches [ns]: some frames of a typical link, and long enough to be seen."""
-    gaps = [np.diff([time_ns for time_ns, _ in outcomes]) for outcomes in told if len(outcomes) > 1]
+    gaps = [np.diff([time_ns for time_ns, _ in of_link]) for of_link in outcomes if len(of_link) > 1]
     typical_ns = float(np.median(np.concatenate(gaps))) if gaps else 0.0
     return max(_LEAST_LATELY_NS, int(_FRAMES_LATELY * typical_ns))
 

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...errors import BadInput
 from ...topologies import natural_key
 from ...transport.faults import Fault, LinkFault, LinkName
-from ...transport.links import COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST, NANOSECONDS
-from ..analysis.ages import arrival_ns
-from ..analysis.channels import LinkCourse
+from ...transport.links import ACCESS, COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST, NANOSECONDS
 from ..record.frame_fates import (
-    ACCESS,
     IN_FLIGHT,
     MISSING,
     QUEUE,
@@ -109,12 +106,12 @@ def plot_space_time(
         BadInput: no such format, or more frames than can be told apart.
     """
     check_formats(formats)
-    told = frame_fates(record)
-    window = choose_window(record, told, span, agents)
+    fates = frame_fates(record)
+    window = choose_window(record, fates, span, agents)
 
     def draw(figure: Figure) -> None:
         figure.set_size_inches(PAGE_IN, max(_LEAST_IN, _AROUND_IN + _LANE_IN * len(window.agents)))
-        marks = draw_space_time(figure.subplots(), record, told, window)
+        marks = draw_space_time(figure.subplots(), record, fates, window)
         if marks:
             figure.legend(handles=marks, loc="outside lower center", ncols=min(len(marks), _LEGEND_COLUMNS))
 
@@ -123,7 +120,7 @@ def plot_space_time(
 
 def choose_window(
     record: Record,
-    told: Mapping[LinkName, Sequence[FrameFate]],
+    fates: Mapping[LinkName, Sequence[FrameFate]],
     span: tuple[int | None, int | None],
     agents: Collection[str] = (),
 ) -> Window:
@@ -137,14 +134,14 @@ def choose_window(
     everything = Window(0, record.last_ns, tuple(names))
     starts = sorted(
         frame.start_ns
-        for frames in told.values()
+        for frames in fates.values()
         for frame in frames
         if frame.start_ns is not None and everything.shows(frame)
     )
     first, last = _about(starts, record, max(_FIRST_FRAMES, _FRAMES_PER_AGENT * len(names)), span)
     begin, end = first if from_ns is None else from_ns, last if until_ns is None else until_ns
     window = Window(begin, max(end, begin + 1), tuple(names))
-    count = sum(window.shows(frame) for frames in told.values() for frame in frames)
+    count = sum(window.shows(frame) for frames in fates.values() for frame in frames)
     if count > MOST_FRAMES:
         raise BadInput(
             f"{count:,} frames are in the window, more than {MOST_FRAMES:,} cannot be told apart: "
@@ -171,20 +168,17 @@ def _about(starts: Sequence[int], record: Record, count: int, span: tuple[int | 
 
 
 def draw_space_time(
-    axes: Axes, record: Record, told: Mapping[LinkName, Sequence[FrameFate]], window: Window
+    axes: Axes, record: Record, fates: Mapping[LinkName, Sequence[FrameFate]], window: Window
 ) -> list[Line2D]:
     """Draw a window into axes; the marks that occur, for a legend."""
     unit, name = (1e6, "ms") if window.until_ns - window.from_ns < _MILLISECONDS else (1e9, "s")
     lanes = {agent: -row for row, agent in enumerate(window.agents)}
-    shown = []
-    for link, frames in told.items():
-        course = LinkCourse(record, link)
-        shown += [(frame, arrival_ns(frame, course)) for frame in frames if window.shows(frame)]
+    shown = [frame for frames in fates.values() for frame in frames if window.shows(frame)]
     for lane in lanes.values():
         axes.axhline(lane, color=GREY, linewidth=0.6, zorder=0.5)
-    _draw_bars(axes, [frame for frame, _ in shown], lanes, unit)
-    for frame, arrived in shown:
-        _draw_way(axes, frame, arrived, lanes, unit)
+    _draw_bars(axes, shown, lanes, unit)
+    for frame in shown:
+        _draw_way(axes, frame, lanes, unit)
     _shade(axes, record.faults, len(record.plan.links), window, lanes, unit)
     axes.set_xlim(window.from_ns / unit, window.until_ns / unit)
     axes.set_ylim(min(lanes.values()) - 0.6, 0.6)
@@ -193,7 +187,7 @@ def draw_space_time(
     axes.spines["left"].set_visible(False)
     axes.set_ylabel("agent")
     axes.set_xlabel(f"time ({name})")
-    return list(_marks([frame for frame, _ in shown]))
+    return list(_marks(shown))
 
 
 def _beside(frame: FrameFate, lanes: Mapping[str, int]) -> float:
@@ -213,8 +207,8 @@ def _draw_bars(axes: Axes, frames: Iterable[FrameFate], lanes: Mapping[str, int]
         axes.plot([start, end], [side, side], color=SKY, linewidth=_BAR, solid_capstyle="butt", zorder=1)
 
 
-def _draw_way(axes: Axes, frame: FrameFate, arrived: int | None, lanes: Mapping[str, int], unit: float) -> None:
-    """From the last bit out to due, as far as the frame came, and from there to when it was taken in."""
+def _draw_way(axes: Axes, frame: FrameFate, lanes: Mapping[str, int], unit: float) -> None:
+    """From the last bit out to due, as far as the frame came, and from there to when it was handed over."""
     look, side, there = LOOKS[frame.fate], _beside(frame, lanes), lanes[frame.target]
     if frame.start_ns is None or frame.due_ns is None:
         time = frame.dropped_ns if frame.dropped_ns is not None else frame.due_ns
@@ -224,10 +218,10 @@ def _draw_way(axes: Axes, frame: FrameFate, arrived: int | None, lanes: Mapping[
     stop = end + look.reach * (due - end), side + look.reach * (there - side)
     dashes = ":" if frame.copy else "-"
     axes.plot([end, stop[0]], [side, stop[1]], color=look.colour, linestyle=dashes, linewidth=0.7, alpha=0.85)
-    if arrived is not None and arrived > frame.due_ns and frame.fate == DELIVERED:
+    if frame.handed_ns is not None and frame.handed_ns > frame.due_ns and frame.fate == DELIVERED:
         colour = look.colour if frame.behind_ns is None else VERMILION
-        axes.plot([due, arrived / unit], [there, there], color=colour, linestyle=":", linewidth=1.2)
-        stop = arrived / unit, there
+        axes.plot([due, frame.handed_ns / unit], [there, there], color=colour, linestyle=":", linewidth=1.2)
+        stop = frame.handed_ns / unit, there
     axes.plot([stop[0]], [stop[1]], **_mark(look, late=frame.behind_ns is not None))
 
 

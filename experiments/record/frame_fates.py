@@ -1,34 +1,79 @@
-"""The whole story of every frame: what its sender and its receiver wrote down, put together into one fate.
+"""What became of every frame: the entries of its sender and of its receiver, joined and decided here and nowhere else.
 
-A frame is known by link, incarnation of its sender, sequence number and copy, which is 1 for a duplicate. Every number
-below an incarnation's next one has exactly one story; where nobody wrote one, and no reason for that is known, the
-frame is missing. A duplicate has a story of its own if its sender or its receiver tells of it.
+A frame is known by link, incarnation of its sender, sequence number and copy, which is 1 for a duplicate. Each sequence
+number below the next one of an incarnation was offered once, and has one fate; a duplicate has one if its sender or its
+receiver has an entry of it. Where there is no entry, and no known reason for that, the frame is missing.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-from ...agents.journal import Dropped, Heard, Late, Sent
+from ...agents.journal import Arrived, Batch, Dropped, Heard, Late, Released, Sent
 from ...transport.faults import Kill, LinkName
-from ...transport.links import DELIVERED
+from ...transport.links import ACCESS, COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST
 from .record import Life, Record, last_ns
 
-_Entry = TypeVar("_Entry", Sent, Dropped, Heard)
-REFUSED, QUEUE, ACCESS = "refused", "queue", "access"
+REFUSED, QUEUE = "refused", "queue"
 IN_FLIGHT, UNKNOWN, MISSING = "in-flight", "unknown", "missing"
 RECEIVER_DOWN, SENDER_DOWN = "receiver-down", "sender-down"
 
 
-class FrameFate(NamedTuple):
-    """One frame. Times in nanoseconds, size in bytes of payload; None where it never came so far, or nobody told.
+class FateClass(Enum):
+    """What a fate says of a frame and its link; only delivered frames and those lost on the air were transmitted."""
 
-    `fate` is refused, queue, delivered, in-flight, unknown, missing, or the cause of its loss.
-    `contradicted`: two accounts of this frame cannot both be true.
+    DELIVERED = "delivered"
+    LOST_ON_AIR = "transmitted, and lost on its way or at its receiver"
+    LOST_BEFORE_AIR = "accepted by its link, and lost before it was transmitted"
+    DISCARDED = "never on the air: not accepted, or replaced in the queue"
+    IN_FLIGHT = "waiting, transmitted or held when the run ended"
+    UNKNOWN = "not recorded, as an end of its link was killed from outside"
+    MISSING = "not recorded for no known reason: lost by the middleware"
+
+
+FATES: dict[str, FateClass] = {
+    DELIVERED: FateClass.DELIVERED,
+    CUT: FateClass.LOST_ON_AIR,
+    HALF_DUPLEX: FateClass.LOST_ON_AIR,
+    COLLISION: FateClass.LOST_ON_AIR,
+    LOST: FateClass.LOST_ON_AIR,
+    CORRUPT: FateClass.LOST_ON_AIR,
+    RECEIVER_DOWN: FateClass.LOST_ON_AIR,
+    ACCESS: FateClass.LOST_BEFORE_AIR,
+    SENDER_DOWN: FateClass.LOST_BEFORE_AIR,
+    REFUSED: FateClass.DISCARDED,
+    QUEUE: FateClass.DISCARDED,
+    IN_FLIGHT: FateClass.IN_FLIGHT,
+    UNKNOWN: FateClass.UNKNOWN,
+    MISSING: FateClass.MISSING,
+}
+"""Every fate that a frame can have, and its class."""
+
+
+def is_lost(fate: str) -> bool:
+    """Whether a fate is the cause of a loss."""
+    return FATES[fate] in (FateClass.LOST_ON_AIR, FateClass.LOST_BEFORE_AIR)
+
+
+def is_transmitted(fate: str) -> bool:
+    """Whether a frame of this fate was on the air, and its way is over."""
+    return FATES[fate] in (FateClass.DELIVERED, FateClass.LOST_ON_AIR)
+
+
+class FrameFate(NamedTuple):
+    """One frame. Times in nanoseconds, size in bytes of payload; None where it never came so far, or is not recorded.
+
+    `fate` is one of FATES. `held_until_ns`: when a link that held it back let it go. `arrived_ns`: when it really came,
+    by the wall clock as nominal time, in realtime pace only. `handed_ns`: when its receiver was handed it, lost or not:
+    in realtime pace by the wall clock, else when it was due or let go. `late_ns`: by how much it really came later than
+    that, 0 for in time. `behind_ns`: how far its receiver had passed it already, for a late frame.
+    `contradicted`: two entries of this frame cannot both be true.
     """
 
     source: str
@@ -42,184 +87,277 @@ class FrameFate(NamedTuple):
     due_ns: int | None
     verdict: str | None
     dropped_ns: int | None
+    held_until_ns: int | None
+    arrived_ns: int | None
+    handed_ns: int | None
+    late_ns: int | None
     behind_ns: int | None
     fate: str
     contradicted: bool
 
 
-Number = tuple[int, int]
-"""Sequence number and copy."""
-
-
-@dataclass
-class _Told:
-    """Accounts of the frames of one link and incarnation, by sequence number."""
-
-    sent: dict[Number, Sent] = field(default_factory=dict)
-    dropped: dict[Number, Dropped] = field(default_factory=dict)
-    queued: set[Number] = field(default_factory=set)
-    heard: dict[Number, Heard] = field(default_factory=dict)
-    held: dict[Number, int] = field(default_factory=dict)
-    """Number → the life of the receiver that held it back to the last."""
-    late: dict[Number, Late] = field(default_factory=dict)
-    twice: set[Number] = field(default_factory=set)
-
-    @cached_property
-    def last_heard(self) -> int:
-        """The last sequence number that the receiver wrote down, −1 for none."""
-        return max((sequence for sequence, _ in (*self.heard, *self.held)), default=-1)
-
-    @cached_property
-    def last_told(self) -> int:
-        """The last sequence number that the sender wrote down, −1 for none."""
-        return max((sequence for sequence, _ in (*self.sent, *self.dropped, *self.queued)), default=-1)
-
-    @cached_property
-    def _newest_heard(self) -> tuple[float, int]:
-        """Start and copy of the newest transmission of which the receiver tells; what no sender tells of came later."""
-        heard = (*self.heard, *self.held)
-        starts = [(self.sent[number].start_ns if number in self.sent else math.inf, number[1]) for number in heard]
-        return max(starts, default=(-1, 0))
-
-    def is_last(self, number: Number) -> bool:
-        """Whether nothing was heard that was transmitted after this frame."""
-        return (self.sent[number].start_ns, number[1]) > self._newest_heard
-
-    def numbers(self) -> list[Number]:
-        """Every frame that must have a story: all sequence numbers so far, and the duplicates that are told of."""
-        copies = {number for number in (*self.sent, *self.heard, *self.held) if number[1]}
-        return sorted({*((sequence, 0) for sequence in range(1 + max(self.last_heard, self.last_told))), *copies})
-
-    def accounts(self, number: Number) -> int:
-        """How many accounts the sender gave of a frame: exactly one, if its record is whole."""
-        return (number in self.sent) + (number in self.dropped) + (number in self.queued)
-
-
 def frame_fates(record: Record) -> dict[LinkName, list[FrameFate]]:
-    """Every frame of every directed link, in the order of incarnation and sequence number; wires have no stories."""
-    told = _gather(record)
-    court = _Court(record)
+    """Every frame of each directed link, in the order of incarnation and sequence number; without those on wires."""
+    journals: defaultdict[_LinkLife, _LinkJournal] = defaultdict(_LinkJournal)
+    for batch in record.batches.values():
+        for source, number, name, entry in _entries(batch):
+            journals[source].frame(number).put(name, entry)
+    absences = _Absences(record, record.last_ns)
     found: dict[LinkName, list[FrameFate]] = {link: [] for link in record.links()}
-    for link, incarnation in sorted(told, key=lambda key: key[1]):
+    for (link, incarnation), journal in sorted(journals.items(), key=lambda item: item[0][1]):
         if link not in record.plan.wires:
-            mine = told[link, incarnation]
-            found[link] += (court.story(link, incarnation, mine, number) for number in mine.numbers())
+            found[link] += _fates_of((link, incarnation), journal, absences)
     return found
 
 
-def _gather(record: Record) -> dict[tuple[LinkName, int], _Told]:
-    told: dict[tuple[LinkName, int], _Told] = defaultdict(_Told)
-    for (agent, incarnation), batch in record.batches.items():
-        for sent in batch.sent:
-            account = told[(agent, sent.target), incarnation]
-            _put(account.sent, (sent.sequence, sent.copy), sent, account)
-        for dropped in batch.dropped:
-            account = told[(agent, dropped.target), incarnation]
-            _put(account.dropped, (dropped.sequence, 0), dropped, account)
-        for heard in batch.heard:
-            account = told[(heard.source, agent), heard.incarnation]
-            _put(account.heard, (heard.sequence, heard.copy), heard, account)
-        for late in batch.late:
-            told[(late.source, agent), late.incarnation].late[late.sequence, late.copy] = late
-        for event in batch.events:
-            if event["event"] == "queued":
-                waiting = {(sequence, 0) for sequence in event["sequences"]}
-                told[(agent, event["target"]), incarnation].queued |= waiting
-            elif event["event"] == "held":
-                numbers = {(sequence, copy) for sequence, copy in event["sequences"]}
-                told[(event["source"], agent), event["incarnation"]].held |= dict.fromkeys(numbers, incarnation)
-    return told
+class FateCounts:
+    """How many frames have met which fate, batch by batch as agents report; frames that are settled are forgotten."""
 
+    def __init__(self) -> None:
+        self._settled: Counter[str] = Counter()
+        self._journals: defaultdict[_LinkLife, _LinkJournal] = defaultdict(_LinkJournal)
 
-def _put(accounts: dict[Number, _Entry], number: Number, entry: _Entry, account: _Told) -> None:
-    if number in accounts:
-        account.twice.add(number)
-    accounts[number] = entry
+    def take(self, batch: Batch) -> None:
+        """Count what a batch settles."""
+        for source, number, name, entry in _entries(batch):
+            journal = self._journals[source]
+            frame = journal.frame(number)
+            frame.put(name, entry)
+            if frame.complete:
+                self._settled[frame.settled or MISSING] += 1
+                del journal.frames[number]
 
+    def so_far(self, record: Record, now_ns: int) -> Counter[str]:
+        """Fate → frames; without those that are under way or not reported yet.
 
-class _Gone(NamedTuple):
-    """A span in which an agent was not there to hear; `meant` by a fault, or else it may have heard some of it."""
-
-    at_ns: int
-    back_ns: int
-    meant: bool
-
-
-class _Court:
-    """Decides fates, from what is known of the ends of a link."""
-
-    def __init__(self, record: Record) -> None:
-        self._end_ns = record.last_ns
-        self._broken_off = record.broken_off
-        self._gone: dict[str, list[_Gone]] = defaultdict(list)
-        self._killed: Counter[str] = Counter()
-        for fault in record.faults:
-            if isinstance(fault, Kill) and fault.at_ns < self._end_ns:
-                back_ns = self._back_ns(record, (fault.agent, self._killed[fault.agent]))
-                self._gone[fault.agent].append(_Gone(fault.at_ns, back_ns, True))
-                self._killed[fault.agent] += 1
-        for life in self._broken_off:
-            at_ns = last_ns(record.batches[life]) if life in record.batches else 0
-            self._gone[life[0]].append(_Gone(at_ns, self._back_ns(record, life), False))
-
-    def _back_ns(self, record: Record, life: Life) -> int:
-        back_ns = record.restart_ns(*life)
-        return self._end_ns if back_ns is None else back_ns
-
-    def story(self, link: LinkName, incarnation: int, told: _Told, number: Number) -> FrameFate:
-        """All that is known of one frame."""
-        sent, heard = told.sent.get(number), told.heard.get(number)
-        dropped, late = told.dropped.get(number), told.late.get(number)
-        due_ns = sent.due_ns if sent else heard.due_ns if heard else None
-        return FrameFate(
-            source=link[0],
-            target=link[1],
-            incarnation=incarnation,
-            sequence=number[0],
-            copy=number[1],
-            size=sent.size if sent else None,
-            start_ns=sent.start_ns if sent else None,
-            airtime_ns=sent.airtime_ns if sent else None,
-            due_ns=due_ns,
-            verdict=sent.verdict if sent else None,
-            dropped_ns=dropped.time_ns if dropped else None,
-            behind_ns=late.behind_ns if late else None,
-            fate=self._fate(link, incarnation, told, number),
-            contradicted=self._contradicted((link[0], incarnation), told, number),
-        )
-
-    def _fate(self, link: LinkName, incarnation: int, told: _Told, number: Number) -> str:
-        if number in told.heard:
-            return told.heard[number].fate
-        if number in told.dropped:
-            return told.dropped[number].cause
-        if number in told.queued:
-            return SENDER_DOWN if self._killed[link[0]] > incarnation else IN_FLIGHT
-        if number in told.held:
-            return RECEIVER_DOWN if self._killed[link[1]] > told.held[number] else IN_FLIGHT
-        broken = (link[0], incarnation) in self._broken_off
-        if number in told.sent:
-            return self._unheard(link[1], told.sent[number], last=told.is_last(number), broken=broken)
-        return UNKNOWN if broken else MISSING
-
-    def _unheard(self, target: str, sent: Sent, *, last: bool, broken: bool) -> str:
-        """The fate of a frame that was sent and that nobody wrote down as heard.
-
-        `last`: nothing later was heard from this life of the sender; `broken`: its record may stop before its end.
+        Args:
+            record: what happened to the run so far; its batches are not looked at.
+            now_ns: nominal time.
         """
-        if sent.due_ns >= self._end_ns:
-            return IN_FLIGHT
-        for gone in self._gone[target]:
-            if sent.start_ns < gone.back_ns and (sent.due_ns >= gone.at_ns or (last and not gone.meant)):
-                return RECEIVER_DOWN if gone.meant else UNKNOWN
-        return UNKNOWN if broken and last else MISSING
+        absences = _Absences(record, now_ns)
+        fates = Counter(
+            _fate(source, journal, frame, absences)
+            for source, journal in self._journals.items()
+            if source[0] not in record.plan.wires
+            for frame in journal.frames.values()
+        )
+        known = {fate: count for fate, count in fates.items() if is_lost(fate) or is_transmitted(fate)}
+        return self._settled + Counter(known)
 
-    def _contradicted(self, life: Life, told: _Told, number: Number) -> bool:
-        if number in told.twice or told.accounts(number) > 1:
+
+# -- what the two ends of a link wrote down -----------------------------------------------------------------------
+
+Number = tuple[int, int]
+"""Sequence number and copy."""
+_LinkLife = tuple[LinkName, int]
+"""A directed link and the incarnation of its source."""
+
+
+def _entries(batch: Batch) -> Iterator[tuple[_LinkLife, Number, str, Any]]:
+    """All that a batch says of frames: link and incarnation, number, field of `_Frame`, and the entry."""
+    agent, life = batch.agent, batch.incarnation
+    of_receiver = (
+        ("released", batch.released),
+        ("arrived", batch.arrived),
+        ("late", batch.late),
+        ("heard", batch.heard),
+    )
+    for name, entries in of_receiver:
+        for entry in entries:
+            yield ((entry.source, agent), entry.incarnation), (entry.sequence, entry.copy), name, entry
+    for sent in batch.sent:
+        yield ((agent, sent.target), life), (sent.sequence, sent.copy), "sent", sent
+    for dropped in batch.dropped:
+        yield ((agent, dropped.target), life), (dropped.sequence, 0), "dropped", dropped
+    for event in batch.events:
+        if event["event"] == "queued":
+            for sequence in event["sequences"]:
+                yield ((agent, event["target"]), life), (sequence, 0), "queued", True
+        elif event["event"] == "held":
+            for sequence, copy in event["sequences"]:
+                yield ((event["source"], agent), event["incarnation"]), (sequence, copy), "holder", life
+
+
+@dataclass(slots=True)
+class _Frame:
+    """The entries of one frame. `queued`: it waited at the end of its sender's life.
+
+    `holder`: the life of its receiver that held it back to the last. `repeated`: there are two entries of one kind.
+    """
+
+    sent: Sent | None = None
+    dropped: Dropped | None = None
+    queued: bool = False
+    heard: Heard | None = None
+    holder: int | None = None
+    released: Released | None = None
+    arrived: Arrived | None = None
+    late: Late | None = None
+    repeated: bool = False
+
+    def put(self, name: str, entry: Any) -> None:
+        """Add an entry."""
+        self.repeated |= name in _ONCE and getattr(self, name) is not None
+        setattr(self, name, entry)
+
+    @property
+    def settled(self) -> str | None:
+        """The fate that its receiver or its sender gave it; None if that follows from what became of them."""
+        if self.heard is not None:
+            return self.heard.fate
+        return None if self.dropped is None else self.dropped.cause
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing more is to be expected of it."""
+        return self.dropped is not None or (self.sent is not None and self.heard is not None)
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether two entries cannot both be true; that its sender has none is no contradiction here."""
+        if self.repeated or (self.sent is not None) + (self.dropped is not None) + self.queued > 1:
             return True
-        heard, sent = told.heard.get(number), told.sent.get(number)
-        if heard is None:
+        if self.heard is None or self.sent is None:
             return False
-        if sent is None:
-            return life not in self._broken_off
-        return sent.due_ns != heard.due_ns or (heard.fate == DELIVERED and sent.verdict != DELIVERED)
+        lost = self.sent.verdict != DELIVERED
+        return self.sent.due_ns != self.heard.due_ns or (self.heard.fate == DELIVERED and lost)
+
+
+_ONCE = ("sent", "dropped", "heard")
+_NO_ENTRY = _Frame()
+
+
+class _LinkJournal:
+    """The entries of one link and incarnation of its source, by frame."""
+
+    def __init__(self) -> None:
+        self.frames: dict[Number, _Frame] = {}
+
+    def frame(self, number: Number) -> _Frame:
+        """A frame, with no entries if there was none so far."""
+        found = self.frames.get(number)
+        if found is None:
+            found = self.frames[number] = _Frame()
+        return found
+
+    @cached_property
+    def _newest_heard(self) -> tuple[float, int]:
+        """Start and copy of the newest transmission that was heard; what only its receiver knows of came after it."""
+        starts = (
+            (math.inf if frame.sent is None else frame.sent.start_ns, copy)
+            for (_, copy), frame in self.frames.items()
+            if frame.heard is not None or frame.holder is not None
+        )
+        return max(starts, default=(-1, 0))
+
+    def is_last(self, sent: Sent) -> bool:
+        """Whether nothing was heard that was transmitted after this frame."""
+        return (sent.start_ns, sent.copy) > self._newest_heard
+
+    def numbers(self) -> list[Number]:
+        """Every frame that must have a fate: all sequence numbers so far, and the duplicates that have entries."""
+        last = max((sequence for sequence, _ in self.frames), default=-1)
+        return sorted([*((sequence, 0) for sequence in range(last + 1)), *(one for one in self.frames if one[1])])
+
+
+# -- what follows from it -----------------------------------------------------------------------------------------
+
+
+class _Absence(NamedTuple):
+    """A span in which an agent heard nothing; if it was not `injected` it may have heard some of it."""
+
+    from_ns: int
+    until_ns: int
+    injected: bool
+
+
+class _Absences:
+    """Who was dead when, up to an instant, and whose entries may be incomplete for that."""
+
+    def __init__(self, record: Record, end_ns: int) -> None:
+        self.end_ns = end_ns
+        self.broken_off = record.broken_off
+        self.of: dict[str, list[_Absence]] = defaultdict(list)
+        self.kills: Counter[str] = Counter()
+        for fault in record.faults:
+            if isinstance(fault, Kill) and fault.at_ns < self.end_ns:
+                until_ns = self._until_ns(record, (fault.agent, self.kills[fault.agent]))
+                self.of[fault.agent].append(_Absence(fault.at_ns, until_ns, True))
+                self.kills[fault.agent] += 1
+        for life in self.broken_off:
+            from_ns = last_ns(record.batches[life]) if life in record.batches else 0
+            self.of[life[0]].append(_Absence(from_ns, self._until_ns(record, life), False))
+
+    def _until_ns(self, record: Record, life: Life) -> int:
+        restart_ns = record.restart_ns(*life)
+        return self.end_ns if restart_ns is None else restart_ns
+
+
+def _fates_of(source: _LinkLife, journal: _LinkJournal, absences: _Absences) -> Iterator[FrameFate]:
+    for number in journal.numbers():
+        frame = journal.frames.get(number, _NO_ENTRY)
+        yield _frame_fate(source, number, frame, _fate(source, journal, frame, absences), absences)
+
+
+def _frame_fate(source: _LinkLife, number: Number, frame: _Frame, fate: str, absences: _Absences) -> FrameFate:
+    """All that is known of one frame."""
+    (sender, target), incarnation = source
+    sent, heard, arrived = frame.sent, frame.heard, frame.arrived
+    due_ns = sent.due_ns if sent else heard.due_ns if heard else None
+    held_until_ns = frame.released.time_ns if frame.released else None
+    expected_ns = due_ns if held_until_ns is None else held_until_ns
+    unexplained = heard is not None and sent is None and (sender, incarnation) not in absences.broken_off
+    return FrameFate(
+        source=sender,
+        target=target,
+        incarnation=incarnation,
+        sequence=number[0],
+        copy=number[1],
+        size=sent.size if sent else None,
+        start_ns=sent.start_ns if sent else None,
+        airtime_ns=sent.airtime_ns if sent else None,
+        due_ns=due_ns,
+        verdict=sent.verdict if sent else None,
+        dropped_ns=frame.dropped.time_ns if frame.dropped else None,
+        held_until_ns=held_until_ns,
+        arrived_ns=arrived.arrived_ns if arrived else None,
+        handed_ns=arrived.handed_ns if arrived else expected_ns if heard else None,
+        late_ns=max(0, arrived.arrived_ns - (expected_ns or 0)) if arrived else 0 if heard else None,
+        behind_ns=frame.late.behind_ns if frame.late else None,
+        fate=fate,
+        contradicted=frame.contradicted or unexplained,
+    )
+
+
+def _fate(source: _LinkLife, journal: _LinkJournal, frame: _Frame, absences: _Absences) -> str:
+    """What became of a frame: what its ends have said of it, else what follows from what became of its ends."""
+    (sender, target), incarnation = source
+    if frame.settled is not None:
+        return frame.settled
+    if frame.queued:
+        return SENDER_DOWN if absences.kills[sender] > incarnation else IN_FLIGHT
+    if frame.holder is not None:
+        return RECEIVER_DOWN if absences.kills[target] > frame.holder else IN_FLIGHT
+    broken_off = (sender, incarnation) in absences.broken_off
+    if frame.sent is None:
+        return UNKNOWN if broken_off else MISSING
+    return _unheard(target, frame.sent, absences, last=journal.is_last(frame.sent), broken_off=broken_off)
+
+
+def _unheard(target: str, sent: Sent, absences: _Absences, *, last: bool, broken_off: bool) -> str:
+    """The fate of a transmitted frame that its receiver has no entry of.
+
+    Args:
+        target: its receiver.
+        sent: its sender's entry.
+        absences: who was dead when.
+        last: nothing was heard that was transmitted after it.
+        broken_off: its sender's entries may stop before its end.
+    """
+    if sent.due_ns >= absences.end_ns:
+        return IN_FLIGHT
+    for absence in absences.of[target]:
+        was_due = sent.due_ns >= absence.from_ns or (last and not absence.injected)
+        if sent.start_ns < absence.until_ns and was_due:
+            return RECEIVER_DOWN if absence.injected else UNKNOWN
+    return UNKNOWN if broken_off and last else MISSING

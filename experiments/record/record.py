@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...agents.journal import NOTED, Batch, Estimate
+from ...agents.journal import FRAME_ROWS, NOTED, Batch, Estimate
 from ...agents.plan import WORLD, Plan
 from ...agents.registry import find
 from ...errors import BadInput
@@ -20,7 +20,7 @@ from ...topologies import natural_key
 from ...transport.faults import Fault, LinkName, from_plain, kills_of
 from .encoding import untag, vector_from_json
 from .mcap_file import Entry, read
-from .recorder import ESTIMATES, EVENTS, FRAME_ROWS, FRAMES, RUN_EVENTS
+from .recorder import ESTIMATES, EVENTS, FRAMES, RUN_EVENTS
 from .run_files import INFO_FILE, SCENARIO_FILE
 
 INJECTED = "injected"

@@ -13,14 +13,13 @@ from typing import IO, Any, Self
 
 from mcap.writer import Writer
 
-from ...agents.journal import Batch, Dropped, Heard, Late, Sent
+from ...agents.journal import FRAME_ROWS, Batch
 from ...errors import BadInput
 from .encoding import dump, tag, vector_to_json
 from .run_files import RECORD_FILE
 
 PROFILE = "volery"
 ESTIMATES, FRAMES, EVENTS, RUN_EVENTS = "estimates", "frames", "events", "/run/events"
-FRAME_ROWS: dict[str, Any] = {"sent": Sent, "heard": Heard, "dropped": Dropped, "late": Late}
 
 
 def _object(required: dict[str, Any]) -> dict[str, Any]:
@@ -118,5 +117,6 @@ class Recorder:
 def _latest_ns(batch: Batch) -> int:
     times = [sent.start_ns for sent in batch.sent]
     times += [heard.due_ns for heard in batch.heard] + [late.due_ns for late in batch.late]
-    times += [dropped.time_ns for dropped in batch.dropped]
+    times += [dropped.time_ns for dropped in batch.dropped] + [released.time_ns for released in batch.released]
+    times += [arrived.handed_ns for arrived in batch.arrived]
     return max(times)

@@ -44,10 +44,8 @@ class Samples:
 
     @cached_property
     def disagreement(self) -> Floats:
-        """Root mean square distance of the agents to their mean, as seen from the first that has an estimate, (T,)."""
-        first = np.argmin(np.isnan(self.estimate).any(axis=2), axis=1)
-        reference = np.take_along_axis(self.estimate, first[:, np.newaxis, np.newaxis], axis=1)
-        return disagreement(self.apart(self.estimate, np.broadcast_to(reference, self.estimate.shape)))
+        """Of the agents at each sample, (T,), see `spread`."""
+        return spread(self.estimate, self.apart)
 
     @cached_property
     def oracle_error(self) -> Floats:
@@ -58,6 +56,20 @@ class Samples:
     def truth_error(self) -> Floats:
         """Two-norm of each agent's difference to the truth, (T, N)."""
         return error(self.apart(self.estimate, self.truth), 0.0)
+
+
+def spread(estimates: Floats, apart: Callable[[Floats, Floats], Floats]) -> Floats:
+    """Disagreement of agents about what may be no vector: their differences to the first that has an estimate.
+
+    Args:
+        estimates: (…, N, k), rows of NaN for agents without one.
+        apart: by how much values are off, as in `Samples`.
+    Returns:
+        Root mean square distance to the mean, (…).
+    """
+    first = np.argmin(np.isnan(estimates).any(axis=-1), axis=-1)
+    reference = np.take_along_axis(estimates, first[..., np.newaxis, np.newaxis], axis=-2)
+    return disagreement(apart(estimates, np.broadcast_to(reference, estimates.shape)))
 
 
 def samples(record: Record, quantity: str) -> Samples:

@@ -20,7 +20,7 @@ from ..record.record import INJECTED
 from ..twin import RecordSink
 from .members import Member, joined_or_ended
 from .spawning import spawn
-from .status import Status
+from .status import Status, WatchedSink
 
 _JOIN_TIMEOUT_S = 60.0
 _ANSWER_TIMEOUT_S = 10.0
@@ -44,9 +44,9 @@ class Fleet:
 
     def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float) -> None:
         self.plan, self.pace, self.speed = plan, pace, speed
-        self.sink = sink
+        self.status = Status(plan)
+        self.sink = WatchedSink(sink, self.status)
         self.keys = Keys(run)
-        self.status = Status(plan.duration_ns, frozenset(agent.name for agent in plan.agents))
         self.endpoint = ""
         names = *(agent.name for agent in plan.all_agents), CONTROL_CLIENT
         self.passwords = {name: secrets.token_urlsafe(18) for name in names}

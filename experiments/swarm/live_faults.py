@@ -12,7 +12,6 @@ from ...errors import BadInput
 from ...transport.faults import Fault, Kill, LinkFault, Pause, in_force, to_plain
 from ..scenario.expansion import entry_of, parse_fault
 from ..scenario.fault_places import parse_agents, parse_links, places_of, read_words
-from ..twin import RecordSink
 from .live_fault_checks import Circumstances, refuse, warnings
 from .supervisor import Swarm
 
@@ -27,9 +26,9 @@ _UNDONE = {"cut": "is cut", "hold": "is held"}
 class Injector:
     """Live faults of one swarm: f1, f2, … in the order in which they were asked for."""
 
-    def __init__(self, swarm: Swarm, sink: RecordSink) -> None:
+    def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
-        self._sink = sink
+        self._sink = swarm.sink
         self._places = places_of(swarm.plan)
         self._faults = swarm.live_faults
         self._count = 0

@@ -1,64 +1,100 @@
-"""What is going on in a running swarm, from what its agents tell: for the progress display and `volery status`."""
+"""What is going on in a running swarm, from what its agents report: for the progress display and `volery status`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ...agents.journal import Batch
+from ...agents.journal import Batch, Estimate
+from ...agents.plan import Plan
+from ...agents.registry import find
 from ...transport.faults import LinkName
-from ...transport.links import DELIVERED
+from ..record.frame_fates import FATES, FateClass, FateCounts, is_lost
+from ..record.record import Record
+from ..record.samples import spread
+from ..twin import RecordSink
 
 
-@dataclass
 class Status:
-    """Counts so far, the links on which a frame was heard, and the estimates last heard of.
+    """What is so by now: fates of frames, late frames, newest estimates, and who is alive.
 
-    `agents`: their names. `alive`: whose processes live, a coupled world that runs beside the agents included.
+    `alive`: whose processes live, a coupled world that runs beside the agents included. `faults`: those in force, in
+    words. `used`: the links on which a frame was heard.
     """
 
-    duration_ns: int
-    agents: frozenset[str]
-    time_ns: int = 0
-    alive: set[str] = field(default_factory=set)
-    frames: int = 0
-    lost: int = 0
-    late: int = 0
-    latest: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    faults: dict[str, str] = field(default_factory=dict)
-    used: set[LinkName] = field(default_factory=set)
+    def __init__(self, plan: Plan) -> None:
+        self.time_ns = 0
+        self.alive: set[str] = set()
+        self.faults: dict[str, str] = {}
+        self.used: set[LinkName] = set()
+        self._plan = plan
+        self._late = 0
+        self._fates = FateCounts()
+        self._newest: dict[str, dict[str, Estimate]] = {}
+        self._events: list[dict[str, Any]] = []
 
-    def take(self, batch: Batch, now_ns: int) -> None:
-        """Count the entries of a batch."""
-        self.time_ns = max(self.time_ns, now_ns)
-        self.frames += len(batch.heard)
-        self.lost += sum(1 for entry in batch.heard if entry.fate != DELIVERED) + len(batch.dropped)
-        self.late += len(batch.late)
+    def take(self, batch: Batch) -> None:
+        """Take in the entries of a batch."""
+        self._fates.take(batch)
+        self._late += len(batch.late)
         self.used.update((entry.source, batch.agent) for entry in batch.heard)
         for estimate in batch.estimates:
-            self.latest.setdefault(estimate.quantity, {})[batch.agent] = estimate.value
+            self._newest.setdefault(estimate.quantity, {})[batch.agent] = estimate
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Take in an event of the run."""
+        self._events.append(event)
+
+    def fates(self) -> Counter[str]:
+        """Fate → frames whose fate is known by now."""
+        return self._fates.so_far(Record(self._plan, {}, self._events), self.time_ns)
 
     def disagreement(self) -> float | None:
-        """Largest distance of a living agent's newest estimate from their mean; None with fewer than two."""
-        for latest in self.latest.values():
-            values = [value for agent, value in latest.items() if agent in self.alive]
+        """That of the newest estimates of the living, of the first quantity that two of them have reported."""
+        for quantity, reported in self._newest.items():
+            living = [agent for agent in self._plan.agents if agent.name in self.alive and agent.name in reported]
+            values = [reported[agent.name].value for agent in living]
             if len(values) > 1 and len({len(value) for value in values}) == 1:
-                array = np.array(values)
-                return float(np.linalg.norm(array - array.mean(axis=0), axis=1).max())
+                kind = find(living[0].kind)
+                if quantity not in kind.diagnostics:
+                    found = float(spread(np.array(values), partial(kind.difference, quantity)))
+                    return None if math.isnan(found) else found
         return None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for `volery status`."""
+        fates = self.fates()
         return {
             "time_s": self.time_ns / 1e9,
-            "duration_s": self.duration_ns / 1e9,
-            "agents": len(self.agents),
-            "alive": sorted(self.alive & self.agents),
-            "frames": self.frames,
-            "lost": self.lost,
-            "late": self.late,
+            "duration_s": self._plan.duration_ns / 1e9,
+            "agents": len(self._plan.agents),
+            "alive": sorted(agent.name for agent in self._plan.agents if agent.name in self.alive),
+            "frames": fates.total(),
+            "lost": sum(count for fate, count in fates.items() if is_lost(fate)),
+            "discarded": {fate: count for fate, count in fates.items() if FATES[fate] is FateClass.DISCARDED},
+            "late": self._late,
             "disagreement": self.disagreement(),
             "faults": self.faults,
         }
+
+
+class WatchedSink:
+    """Hands what happens to the sink of a run, and to its status."""
+
+    def __init__(self, sink: RecordSink, status: Status) -> None:
+        self._sink = sink
+        self._status = status
+
+    def __call__(self, batch: Batch) -> None:
+        """Take the entries of one agent."""
+        self._status.take(batch)
+        self._sink(batch)
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Take an event of the run."""
+        self._status.event(event)
+        self._sink.event(event)

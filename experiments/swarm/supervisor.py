@@ -159,7 +159,7 @@ class Swarm(Fleet):
                 member.state.set_result(bytes.fromhex(event["state"]))
             elif event["event"] == "crashed":
                 self.problems.append(f"agent {batch.agent} failed: {event['error']}")
-        self.status.take(batch, min(now_ns, self.end_ns))
+        self.status.time_ns = max(self.status.time_ns, min(now_ns, self.end_ns))
         if batch:
             self.sink(batch)
         self.check_over()

@@ -27,6 +27,7 @@ STATUS = {
     "alive": ["1", "2", "4"],
     "frames": 1234,
     "lost": 56,
+    "discarded": {"queue": 8, "refused": 1},
     "late": 7,
     "disagreement": None,
     "faults": {"f1": "kill 3"},
@@ -193,7 +194,7 @@ def test_status_of_all_and_of_one(volery: Volery, supervisor: Supervisor) -> Non
     assert [run for run, _ in supervisor.asked] == ["first", "second"]
     row = next(line for line in said.out.splitlines() if "second" in line)
     assert [cell.strip() for cell in row.strip("│").split("│")] == [
-        *("second", "1.2 of 60 s", "3 of 4", "1,234", "56", "7", "–", "f1: kill 3")
+        *("second", "1.2 of 60 s", "3 of 4", "1,234", "56", "9", "7", "–", "f1: kill 3")
     ]
     assert volery("status", "first").code == 0
     assert supervisor.asked[2:] == [("first", {"do": "status"})]

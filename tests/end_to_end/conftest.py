@@ -36,7 +36,7 @@ def run_swarm(plan: Plan, pace: Pace = "lockstep", meanwhile: Meanwhile = _nothi
 
     async def run() -> Ending:
         swarm = Swarm(plan, collector, "test", pace)
-        injector = Injector(swarm, collector)
+        injector = Injector(swarm)
 
         async def once_ready() -> None:
             await swarm.ready.wait()

@@ -43,7 +43,7 @@ def test_a_run_does_not_end_under_an_order(plan_of: Callable[..., Plan]) -> None
             await running
             await swarm.stop()
             with pytest.raises(BadInput, match="the run is over"):
-                await Injector(swarm, collector).inject({"cut": "1-2"})
+                await Injector(swarm).inject({"cut": "1-2"})
         return swarm
 
     assert asyncio.run(stopped()).orders[-4:] == ["thaw", "thaw answered", "stop", "stop answered"]

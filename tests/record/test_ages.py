@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery.agents.journal import Batch, Late
+from volery.agents.journal import Arrived, Batch, Released
 from volery.agents.plan import Plan
 from volery.experiments.analysis.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
-from volery.transport.faults import LinkFault
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
 
@@ -66,11 +65,11 @@ def test_only_what_is_new_and_delivered_counts(record_of: Make, sent: Make, hear
 
 
 def test_age_falls_when_a_late_or_held_frame_comes(record_of: Make, sent: Make, heard: Make) -> None:
-    """Not when it was due: 20 ms late, and released at 200 ms."""
-    hold = LinkFault("t1", 90 * MS, 200 * MS, (LINK,), {"hold": True})
+    """Not when it was due: handed over 20 ms later, and released at 200 ms."""
     sender = Batch("1", 0, sent=[sent(0, 0), sent(1, 100)])
-    receiver = Batch("2", 0, heard=[heard(0, 0), heard(1, 100)], late=[Late("1", 0, 0, 5 * MS, 20 * MS)])
-    course = course_of(record_of(sender, receiver, faults=(hold,)))
+    receiver = Batch("2", 0, heard=[heard(0, 0), heard(1, 100)], arrived=[Arrived("1", 0, 0, 24 * MS, 25 * MS)])
+    receiver.released.append(Released("1", 0, 1, 200 * MS))
+    course = course_of(record_of(sender, receiver))
     assert course.time_ns.tolist() == [25 * MS, 200 * MS]
     assert course.age_ns.tolist() == [25 * MS, 100 * MS]
 

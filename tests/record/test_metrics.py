@@ -150,7 +150,7 @@ def test_verdict_names_every_flaw(record_of: Make) -> None:
     assert good.verdict == "as asked: no late frame, none lost by the middleware, no link outside its bounds"
     assert good.as_asked
     died = {"event": "died", "agent": "2", "incarnation": 0, "time_ns": 0, "cause": "was killed from outside"}
-    late = Batch("2", 0, late=[Late("1", 0, 3, 0, 4 * MS)])
+    late = Batch("2", 0, late=[Late("1", 0, 1, 0, 4 * MS)])
     late_fault = {"event": "late-fault", "time_ns": 0, "id": "f1"}
     found = compute_metrics(
         record_of(Batch("1", 0, [], [Sent("2", 1, 1, 0, 0, 5 * MS, "loss")]), late, events=[died, late_fault])

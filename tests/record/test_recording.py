@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
+from volery.agents.journal import Arrived, Batch, Dropped, Estimate, Heard, Late, Released, Sent
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.record.mcap_file import recover
@@ -42,6 +42,8 @@ BATCHES = st.builds(
     st.lists(st.builds(Heard, NAMES, NUMBERS, NUMBERS, NANOSECONDS, NAMES), max_size=3),
     st.lists(st.builds(Dropped, NAMES, NUMBERS, NANOSECONDS, NAMES), max_size=3),
     st.lists(st.builds(Late, NAMES, NUMBERS, NUMBERS, NANOSECONDS, NUMBERS), max_size=3),
+    st.lists(st.builds(Released, NAMES, NUMBERS, NUMBERS, NANOSECONDS), max_size=3),
+    st.lists(st.builds(Arrived, NAMES, NUMBERS, NUMBERS, st.integers(-5, 2**62), NANOSECONDS), max_size=3),
     st.lists(st.fixed_dictionaries({"event": NAMES, "data": PLAIN}, optional={"time_ns": NANOSECONDS}), max_size=2),
 )
 

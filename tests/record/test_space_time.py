@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from volery.agents.journal import Batch, Dropped, Late
+from volery.agents.journal import Arrived, Batch, Dropped, Late, Released
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.figures.space_time import MOST_FRAMES, Window, choose_window, draw_space_time, plot_space_time
@@ -76,12 +76,13 @@ def test_lost_frames_end_with_the_mark_of_their_cause(
 
 def test_dropped_late_held_and_doubled_frames(record_of: Make, sent: Make, heard: Make) -> None:
     """A full queue at the sender's lane; a late frame and a held one end when they came; a duplicate is dotted."""
-    hold = LinkFault("t1", 45 * MS, 70 * MS, (LINK,), {"hold": True})
     sender = Batch("1", 0, sent=[sent(0, 0), sent(2, 20), sent(3, 44), sent(0, 0)._replace(copy=1, due_ns=9 * MS)])
     sender.dropped.append(Dropped("2", 1, 15 * MS, "queue"))
     receiver = Batch("2", 0, heard=[heard(0, 0), heard(2, 20), heard(3, 44)], late=[Late("1", 0, 2, 25 * MS, 6 * MS)])
     receiver.heard.append(heard(0, 0)._replace(copy=1, due_ns=9 * MS))
-    axes, legend = drawn(record_of(sender, receiver, faults=(hold,)))
+    receiver.arrived.append(Arrived("1", 0, 2, 30 * MS, 31 * MS))
+    receiver.released.append(Released("1", 0, 3, 70 * MS))
+    axes, legend = drawn(record_of(sender, receiver))
     assert [time for time, _ in marks(axes, "1")] == [15.0]
     assert [time for time, _ in marks(axes, "o")] == [5.0, 9.0, 31.0, 70.0]
     assert [mark.get_label() for mark in legend] == ["on the air", "delivered", "queue full", "duplicate", "late"]

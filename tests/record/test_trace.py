@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from volery.agents.journal import Batch, Dropped, Late
-from volery.experiments.analysis.frame_trace import FATES, Selection, trace
+from volery.experiments.analysis.frame_trace import SELECTABLE, Selection, trace
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
 
@@ -69,7 +69,7 @@ def test_what_is_selected(record: Record, selection: dict[str, Any], frames: lis
 
 
 def test_every_fate_of_a_record_can_be_asked_for(record: Record) -> None:
-    """FATES knows all that frames become."""
+    """SELECTABLE has all that frames become."""
     seen = {entry.values["fate"] for entry in trace(record, Selection()) if entry.values["what"] == "frame"}
     assert seen == {"delivered", "loss", "refused", "missing"}
-    assert seen <= set(FATES)
+    assert seen <= set(SELECTABLE)
