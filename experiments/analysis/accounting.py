@@ -37,8 +37,8 @@ class LinkAccount:
     `lost`: by cause, losses before the air included. `missing`: no fate at all, which is the middleware's loss and 0 in
     a healthy run. `contradicted`: two entries of a frame cannot both be true. `sent_bytes` of payload were on the air,
     `delivered_bytes` of them delivered. `utilisation` is airtime over the length of the run. `latency_ns`: quantiles
-    0.5, 0.99 and 1 of the travel time of delivered frames from last bit out to due, NaN without any. `late` frames came
-    after something later was handled.
+    0.5, 0.99 and 1 of the latencies that delivered frames really had, NaN without any. `late` frames came after
+    something later was handled.
     """
 
     offered: int
@@ -107,10 +107,10 @@ def link_account(frames: Sequence[FrameFate], elapsed_ns: int) -> LinkAccount:
 
 
 def _quantiles(delivered: Sequence[FrameFate]) -> tuple[float, float, float]:
-    travel = [(frame.due_ns or 0) - (frame.start_ns or 0) - (frame.airtime_ns or 0) for frame in delivered]
-    if not travel:
+    latencies = [frame.latency_ns for frame in delivered if frame.latency_ns is not None]
+    if not latencies:
         return (float("nan"),) * 3
-    middle, high, most = np.quantile(travel, _QUANTILES).tolist()
+    middle, high, most = np.quantile(latencies, _QUANTILES).tolist()
     return middle, high, most
 
 

@@ -1,7 +1,7 @@
 """What each link was asked to do to its frames, and what it did: the emulation held to its scenario.
 
-The settings are read at the start of each transmission, as the link itself does. What is compared is what the sender
-decided: what a half-duplex or shared medium did to a frame at its receiver is nobody's setting.
+The settings are read at the start of each transmission, as the link itself does. What a half-duplex or shared medium
+did to a frame at its receiver is nobody's setting, and is left out.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, com
 
 _Place = Callable[[int], Surroundings]
 _ROUNDING_NS = 1.0
+_WALL_CLOCK_NS = 1e6
+"""A process wakes up and is scheduled to about a millisecond: by so much a mean latency may be off in realtime pace."""
 _BY_CHANCE = 4
 """Comparisons of a link that chance has a part in: loss, corruption, duplication, latency."""
 
@@ -33,10 +35,11 @@ class Channel:
     """Asked against got on one link, over the `frames` that it put on the air.
 
     `loss`: fraction that the loss models lose, of frames sent while the link was not cut. `corruption`: of those not
-    lost. `duplication`: of those that are intact. `latency`: mean time from the last bit out to due [ns], duplicates
-    left out; not comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for
-    each frame, and no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the
-    bucket's rate gives in that span, on a radio by all of its links.
+    lost. `duplication`: of those that are intact. `latency`: mean time from the last bit out to due, or to when a frame
+    really came if that was later, without duplicates and without the time for which the link held a frame [ns]; not
+    comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for each frame, and
+    no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the bucket's rate gives
+    in that span, on a radio by all of its links.
     """
 
     frames: int
@@ -68,7 +71,7 @@ class LinkCourse:
 
 
 class _Transmission(NamedTuple):
-    """A frame on the air, or its duplicate, with the settings that it met."""
+    """A frame on the air, or a duplicate, and the settings that it met; `timed`: its arrival is by the wall clock."""
 
     incarnation: int
     sequence: int
@@ -77,6 +80,8 @@ class _Transmission(NamedTuple):
     start_ns: int
     airtime_ns: int
     due_ns: int
+    latency_ns: int
+    timed: bool
     verdict: str
     settings: LinkSettings
 
@@ -123,10 +128,12 @@ def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:
 def _transmissions(course: LinkCourse, frames: Sequence[FrameFate]) -> Iterator[_Transmission]:
     for frame in frames:
         size, start, airtime, due, verdict = frame.size, frame.start_ns, frame.airtime_ns, frame.due_ns, frame.verdict
-        if size is None or start is None or airtime is None or due is None or verdict is None:
+        latency = frame.latency_ns
+        if size is None or start is None or airtime is None or due is None or latency is None or verdict is None:
             continue
-        settings = course.at(start)
-        yield _Transmission(frame.incarnation, frame.sequence, frame.copy, size, start, airtime, due, verdict, settings)
+        timed = frame.arrived_ns is not None
+        number = (frame.incarnation, frame.sequence, frame.copy)
+        yield _Transmission(*number, size, start, airtime, due, latency, timed, verdict, course.at(start))
 
 
 def _channel(
@@ -180,8 +187,9 @@ def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
             model = frame.settings.latency
             inflation = max(inflation, model.variance_inflation)
             asked.append(model.expected_ns(frame.start_ns + frame.airtime_ns))
-            got.append(frame.due_ns - frame.start_ns - frame.airtime_ns)
-    found = compare_mean(asked, got, inflation, alpha, _ROUNDING_NS)
+            got.append(frame.latency_ns)
+    rounding_ns = _WALL_CLOCK_NS if any(frame.timed for frame in sent) else _ROUNDING_NS
+    found = compare_mean(asked, got, inflation, alpha, rounding_ns)
     if held_up and found.decision != "within":
         return replace(found, decision="not comparable")
     return found

@@ -95,6 +95,13 @@ class FrameFate(NamedTuple):
     fate: str
     contradicted: bool
 
+    @property
+    def latency_ns(self) -> int | None:
+        """From the last bit out to due, or to when it really came if that was later; without the time it was held."""
+        if self.start_ns is None or self.airtime_ns is None or self.due_ns is None:
+            return None
+        return self.due_ns - self.start_ns - self.airtime_ns + (self.late_ns or 0)
+
 
 def frame_fates(record: Record) -> dict[LinkName, list[FrameFate]]:
     """Every frame of each directed link, in the order of incarnation and sequence number; without those on wires."""

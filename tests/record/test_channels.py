@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from volery.agents.journal import Batch, Sent
+from volery.agents.journal import Arrived, Batch, Heard, Sent
 from volery.agents.plan import Plan
 from volery.experiments.analysis.airtime import airtime_utilisation
 from volery.experiments.analysis.channels import Channel, channels
@@ -196,3 +196,35 @@ def test_airtime_of_each_medium(plan_of: Make, medium: Medium, used: dict[str, f
     collector.event({"event": "finished", "time_ns": 1000 * MS})
     record = collector.record(plan_of([LINK, ("1", "3")], settings=LinkSettings(medium=medium)))
     assert airtime_utilisation(record, frame_fates(record)) == pytest.approx(used)
+
+
+@pytest.mark.parametrize(("late_ms", "decision"), [(0, "within"), (1, "within"), (38, "outside")])
+def test_latency_is_that_of_frames_that_really_came_late(plan_of: Make, late_ms: int, decision: str) -> None:
+    """Drawn is 20 ms; by the wall clock every frame came later than that, and the table and the verdict say so."""
+    starts = [100 * number * MS for number in range(40)]
+    collector = Collector()
+    sent = [Sent("2", number, 8, start, 0, start + 20 * MS, "delivered") for number, start in enumerate(starts)]
+    receiver = Batch("2", 0, heard=[Heard("1", 0, one.sequence, one.due_ns, "delivered") for one in sent])
+    receiver.arrived += [
+        Arrived("1", 0, one.sequence, one.due_ns + late_ms * MS, one.due_ns + (late_ms + 2) * MS) for one in sent
+    ]
+    collector(Batch("1", 0, sent=sent))
+    collector(receiver)
+    collector.event({"event": "finished", "time_ns": 5000 * MS})
+    record = collector.record(plan_of([LINK], settings=LinkSettings(latency=Constant(20 * MS))))
+    latency = of_link(record).latency
+    assert (latency.asked, latency.got, latency.decision) == (20 * MS, (20 + late_ms) * MS, decision)
+    link = compute_metrics(record).links["1>2"]
+    assert link.account.latency_ns == ((20 + late_ms) * MS,) * 3
+    verdict = compute_metrics(record).fidelity.verdict
+    assert ("latency of 1→2: 20 ms asked, 58 ms got, 19 to 21 ms allowed" in verdict) == (decision == "outside")
+
+
+def test_time_for_which_a_link_held_a_frame_is_no_latency(plan_of: Make, twin_run: TwinRun) -> None:
+    """What a fault holds back for 300 ms came as asked."""
+    hold = LinkFault("t1", 200 * MS, 500 * MS, (LINK,), {"hold": True})
+    links = LinkSettings(latency=Constant(5 * MS))
+    record = twin_run(plan_of([LINK], 1000, settings=links, faults=(hold,)))
+    assert max(frame.held_until_ns or 0 for frame in frame_fates(record)[LINK]) == 500 * MS
+    latency = of_link(record).latency
+    assert (latency.asked, latency.got, latency.decision) == (5 * MS, 5 * MS, "within")
