@@ -5,10 +5,9 @@ An agent never sleeps, never reads a clock, never opens a socket and never draws
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +17,6 @@ from ..randomness import Stream, stream
 from ..transport.media import AIR
 
 if TYPE_CHECKING:
-    from ..transport.faults import Fault
     from .plan import Plan
 
 
@@ -105,7 +103,15 @@ class Command(NamedTuple):
     commands: dict[str, NDArray[np.float64]]
 
 
-Effect = Send | Refuse | Timer | Report | Note | Command
+class Apply(NamedTuple):
+    """Effect: journal that a command of an agent takes effect on a coupled world."""
+
+    agent: str
+    command: str
+    value: list[float]
+
+
+Effect = Send | Refuse | Timer | Report | Note | Command | Apply
 
 
 @dataclass(slots=True)
@@ -270,87 +276,9 @@ class Context:
         state.effects.append(Send(targets, payload, stream))
 
 
-class CentralEstimator(Protocol):
-    """What sees every sample and every command of a closed loop: the centralised estimator on the same data."""
-
-    def sampled(self, agent: str, sample: Sample) -> None:
-        """An agent's sensor has taken a sample, with the sensor faults in it."""
-
-    def commanded(self, agent: str, command: str, value: NDArray[np.float64], time_ns: int) -> None:
-        """A command has taken effect."""
-
-    def estimates(self, time_ns: int) -> Mapping[str, NDArray[np.float64]]:
-        """Quantity → its centralised estimate now."""
-
-
 @dataclass(frozen=True)
 class NoParameters:
     """Parameters of an agent that has none."""
-
-
-class SeriesData(Protocol):
-    """Reports of one quantity in order: time_ns (n,), sample (n,), value (n, k)."""
-
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        """Nominal times."""
-
-    @property
-    def sample(self) -> NDArray[np.int64]:
-        """The indices they were reported under."""
-
-    @property
-    def value(self) -> NDArray[np.float64]:
-        """The values."""
-
-
-class RunData(Protocol):
-    """What a run has left, for those who look at it afterwards."""
-
-    @property
-    def last_ns(self) -> int:
-        """When it ended."""
-
-    @property
-    def faults_in_effect(self) -> Sequence[Fault]:
-        """The faults that came about, in the order of their starts."""
-
-    @property
-    def world_reports(self) -> Mapping[str, SeriesData]:
-        """What a coupled world wrote down: true quantities, and `oracle QUANTITY`."""
-
-    @property
-    def notes(self) -> Sequence[Mapping[str, Any]]:
-        """What was noted: {"agent": …, "what": …, "time_ns": …, …}."""
-
-    def quantities(self) -> Sequence[str]:
-        """What agents reported."""
-
-    def estimates(self, quantity: str) -> Mapping[str, SeriesData]:
-        """Agent → its reports of a quantity."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something that a kind of agents has to say of a run: a number in its unit, a sentence, or both."""
-
-    name: str
-    value: float = math.nan
-    unit: str = ""
-    text: str = ""
-
-
-@dataclass(frozen=True)
-class View:
-    """Where an agent believes agents, or what they follow, to be: for pictures in plan view.
-
-    `places`: name → place, shape (2,) or more [m], of which the first two components are drawn. `covariances`: name →
-    covariance of these two, shape (2, 2) [m²], where it is known. `relative`: all of them may be shifted alike.
-    """
-
-    places: Mapping[str, NDArray[np.float64]]
-    covariances: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    relative: bool = False
 
 
 class Agent:
@@ -358,13 +286,13 @@ class Agent:
 
     `Parameters` is a frozen dataclass: its fields are what a scenario may write under `agents:`.
     `timers_only` says that this agent sends and sets timers from samples and timers only, never from a frame; its
-    promises in lockstep pace then reach further. `diagnostics` names quantities reported for findings and exports only:
-    they are no estimates of one thing by all, so there are no errors of them.
+    promises in lockstep pace then reach further. `evaluation` is the class by which runs of such agents are judged, a
+    subclass of `volery.experiments.evaluation.evaluation.Evaluation`: itself, or its name as `package.module:Class`.
     """
 
     Parameters: ClassVar[type] = NoParameters
     timers_only: ClassVar[bool] = False
-    diagnostics: ClassVar[frozenset[str]] = frozenset()
+    evaluation: ClassVar[str | type] = "volery.experiments.evaluation.evaluation:Evaluation"
 
     def __init__(self, context: Context, parameters: Any) -> None:
         self.context = context
@@ -435,59 +363,6 @@ class Agent:
     def libraries(cls, parameters: Any) -> Sequence[str]:
         """Installed packages, beside NumPy and SciPy, that the bits of such an agent's numbers come from."""
         return ()
-
-    @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
-        """The centralised estimate on the same data, to which estimates are compared; None where there is none."""
-        return None
-
-    @classmethod
-    def central_estimator(cls, plan: Plan) -> CentralEstimator | None:
-        """The centralised estimator that runs beside a coupled world: the oracle of a closed loop."""
-        return None
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
-        """The true value of a reported quantity; None where it is not known."""
-        return None
-
-    @classmethod
-    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
-        """Where an agent believes agents to be, or what they follow, by its latest reports; None if it does not say.
-
-        Given `truth` in the place of what was reported, it says where that is which they follow.
-
-        Args:
-            plan: of the run.
-            reports: quantity → value.
-        """
-        return None
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """What there is to say of a run beyond the errors of each quantity, for the report."""
-        return ()
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """For figures: (name, unit, factor from the stored value to that unit) of each component; () to number them."""
-        return ()
-
-    @classmethod
-    def difference(
-        cls, quantity: str, estimate: NDArray[np.float64], reference: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """By how much values of a quantity are off: (…, k) and (…, k) to (…, m), whose two-norm is the error.
-
-        Vectors are subtracted. Override it for what is not one, such as attitudes; NaN stays NaN.
-        """
-        with np.errstate(invalid="ignore"):  # of two that have diverged to infinity there is no difference
-            return np.asarray(estimate - reference)
-
-    @classmethod
-    def difference_labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """As `labels`, of each component of a difference."""
-        return cls.labels(plan, quantity)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

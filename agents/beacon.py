@@ -60,6 +60,7 @@ class Beacon(Agent):
     """Sends on timers and counts what it receives, reported as `received`; a restart with state counts on."""
 
     Parameters = BeaconParameters
+    evaluation = "volery.experiments.evaluation.beacon_evaluation:BeaconEvaluation"
     timers_only = True
 
     def __init__(self, context: Context, parameters: BeaconParameters) -> None:
@@ -136,11 +137,6 @@ class Beacon(Agent):
         """As its parameter says."""
         once: bool = parameters.broadcast
         return once
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """A number of frames."""
-        return (("received", "frames", 1.0),)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

@@ -18,15 +18,12 @@ from ..transport.faults import Fault
 from ..transport.latencies import Constant
 from ..transport.links import LinkSettings
 from ..units import period_ns
-from .agent import Agent, CentralEstimator, Context, ContextState, Received, Sample, Send, Timer
+from .agent import Agent, Apply, Context, ContextState, Received, Sample, Send, Timer
 from .plan import WORLD, AgentPlan, Plan, Running
-from .registry import find
 from .sensor_samples import Disturbances
 from .wires import pack_samples, unpack_commands
 
 KIND = "coupled-world"
-ORACLE = "oracle "
-"""Before the name of a quantity: what the centralised estimator beside the world says of it."""
 _STEP = "step"
 _WIDEST = 2**31
 
@@ -68,9 +65,9 @@ class WorldContext(Context):
         """The faults that touch the world, live ones included."""
         return self._faults.values()
 
-    def central_estimator(self) -> CentralEstimator | None:
-        """The centralised estimator that the agents' class has for this plan."""
-        return find(self.plan.agents[0].kind).central_estimator(self.plan)
+    def apply(self, agent: str, command: str, value: NDArray[np.float64]) -> None:
+        """Journal that a command of an agent takes effect."""
+        self._state.effects.append(Apply(agent, command, value.tolist()))
 
     def wire(self, agent: str, payload: bytes) -> None:
         """Hand a payload to the wire to an agent."""
@@ -80,8 +77,7 @@ class WorldContext(Context):
 class CoupledWorld(Agent):
     """Advances the world of its plan to each instant at which an agent senses or acts, or the truth is due.
 
-    It reports every true quantity under its own name at the world's `truth_rate`, and what the agents' central
-    estimator estimates under `oracle QUANTITY`.
+    It reports every true quantity under its own name at the world's `truth_rate`.
     """
 
     timers_only = True
@@ -99,7 +95,6 @@ class CoupledWorld(Agent):
             {rate for mine in self._sensors.values() for rate in mine.values()}, 0
         )
         self._next_truth = 0
-        self._central_estimator = context.central_estimator()
 
     def start(self) -> None:
         """Take the first samples at once."""
@@ -132,9 +127,6 @@ class CoupledWorld(Agent):
                 for sensor, rate in sensors.items()
                 if rate in due
             ]
-            if self._central_estimator is not None:
-                for sample in samples:
-                    self._central_estimator.sampled(agent, sample)
             if samples:
                 self._wires.wire(agent, pack_samples(samples))
 
@@ -145,9 +137,6 @@ class CoupledWorld(Agent):
     def _write_down(self, now_ns: int) -> None:
         for quantity, value in self._running.truth().items():
             self.context.report(quantity, value, self._next_truth)
-        if self._central_estimator is not None:
-            for quantity, value in self._central_estimator.estimates(now_ns).items():
-                self.context.report(f"{ORACLE}{quantity}", value, self._next_truth)
         self._note_events()
 
     def _note_events(self) -> None:
@@ -160,5 +149,4 @@ class CoupledWorld(Agent):
         self._running.advance(self.context.now_ns)
         for command, value in unpack_commands(frame.payload).items():
             self._running.act(frame.source, command, value)
-            if self._central_estimator is not None:
-                self._central_estimator.commanded(frame.source, command, value, self.context.now_ns)
+            self._wires.apply(frame.source, command, value)

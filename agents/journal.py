@@ -1,4 +1,4 @@
-"""The journal of an agent's process: estimates, and what became of frames. The record is made of these batches.
+"""The journal of an agent's process: estimates, samples, what became of frames. The record is made of these batches.
 
 Entries are tuples of plain values, so that they travel as MessagePack and are kept as JSON without loss.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
+
+from .agent import Sample
 
 LAST_HEARD = "last-heard"
 """Event: how many transmissions of an incarnation that was killed externally have come."""
@@ -24,6 +26,40 @@ class Estimate(NamedTuple):
     quantity: str
     sample: int
     value: list[float]
+
+
+class Taken(NamedTuple):
+    """A sample that an agent took, in nominal time: its value flat and its shape, both None where nothing was seen."""
+
+    sensor: str
+    sample: int
+    time_ns: int
+    shape: list[int] | None
+    value: list[float] | None
+
+    @classmethod
+    def of(cls, sample: Sample) -> Taken:
+        """The entry of a sample whose stamp is nominal."""
+        if (value := sample.value) is None:
+            return cls(sample.sensor, sample.index, sample.time_ns, None, None)
+        return cls(sample.sensor, sample.index, sample.time_ns, list(value.shape), value.ravel().tolist())
+
+
+class Commanded(NamedTuple):
+    """A command of an agent that took effect on a coupled world; `value` is flat."""
+
+    time_ns: int
+    agent: str
+    command: str
+    value: list[float]
+
+
+class Payload(NamedTuple):
+    """What a frame brought that was delivered, in hexadecimal digits; written down where an evaluation asks for it."""
+
+    time_ns: int
+    source: str
+    content: str
 
 
 class Sent(NamedTuple):
@@ -103,6 +139,10 @@ FRAME_ROWS: dict[str, Any] = {
     "arrived": Arrived,
 }
 """The lists of a batch that speak of frames, and the kind of their rows."""
+FACT_ROWS: dict[str, Any] = {"samples": Taken, "commands": Commanded, "payloads": Payload}
+"""Those that the evaluation of a run lives on."""
+ENTRIES: dict[str, Any] = {"estimates": Estimate, **FRAME_ROWS, **FACT_ROWS}
+"""All of them; the events of a batch are mappings."""
 
 
 @dataclass
@@ -119,10 +159,13 @@ class Batch:
     released: list[Released] = field(default_factory=list)
     arrived: list[Arrived] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
+    samples: list[Taken] = field(default_factory=list)
+    commands: list[Commanded] = field(default_factory=list)
+    payloads: list[Payload] = field(default_factory=list)
 
     def __bool__(self) -> bool:
         """Whether there is anything in it."""
-        return bool(self.estimates or self.events or any(getattr(self, name) for name in FRAME_ROWS))
+        return any(getattr(self, name) for name in ENTRIES) or bool(self.events)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for MessagePack and JSON."""
@@ -131,6 +174,5 @@ class Batch:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Batch:
         """The batch that `to_dict` took apart."""
-        kinds = {"estimates": Estimate, **FRAME_ROWS}
-        entries = {name: [kind(*entry) for entry in data[name]] for name, kind in kinds.items()}
+        entries = {name: [kind(*entry) for entry in data[name]] for name, kind in ENTRIES.items()}
         return cls(data["agent"], data["incarnation"], events=data["events"], **entries)

@@ -35,10 +35,10 @@ from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
 from ..transport.media import Ether
 from ..units import first_period, period_ns
-from .agent import Agent, Command, Context, ContextState, Note, Received, Report, Sample, Send, Timer
+from .agent import Agent, Apply, Command, Context, ContextState, Note, Received, Report, Sample, Send, Timer
 from .coupled_world import KIND as COUPLED_WORLD
 from .coupled_world import WorldContext
-from .journal import NOTED, Batch, Estimate
+from .journal import NOTED, Batch, Commanded, Estimate, Payload, Taken
 from .node_state import NodeState
 from .plan import WORLD, Plan
 from .receiver import Receiver
@@ -163,6 +163,8 @@ class Node:
                 self._arm_timer(self._timer_count, effect)
             elif isinstance(effect, Command):
                 self.sender.offer((WORLD,), pack_commands(effect.commands), "")
+            elif isinstance(effect, Apply):
+                journal.commands.append(Commanded(now_ns, *effect))
             elif isinstance(effect, Note):
                 journal.events.append({"event": NOTED, "what": effect.what, "time_ns": now_ns, **effect.facts})
             else:
@@ -197,7 +199,12 @@ class Node:
     def _sense(self, event: Event) -> None:
         sensor, _, index = event[DATA]
         value = measured(self.plan, self.faults.values(), self.state.name, sensor, index)
-        self.run_handler(self.agent.on_sample, Sample(sensor, index, self._told.event_ns, value))
+        self._take_sample(Sample(sensor, index, event[TIME], value), self._told.event_ns)
+
+    def _take_sample(self, sample: Sample, reading_ns: int) -> None:
+        """Journal a sample in nominal time, and hand it to the agent with the reading of its own clock."""
+        self.state.journal.samples.append(Taken.of(sample))
+        self.run_handler(self.agent.on_sample, replace(sample, time_ns=reading_ns))
 
     def _arm_timer(self, count: int, timer: Timer) -> None:
         """Schedule a timer by the agent's own clock; one that is over rings at once."""
@@ -221,14 +228,16 @@ class Node:
 
     def _take_frame(self, event: Event) -> None:
         """Hand a frame to the agent, stamped by the agent's own clock."""
+        if self.plan.keeps_payloads:
+            self.state.journal.payloads.append(Payload(event[TIME], event[SOURCE], event[DATA].payload.hex()))
         self._told.may_act = not self._timers_only
         self.run_handler(self.agent.on_frame, Received(event[SOURCE], event[DATA].payload, self._told.event_ns))
         self._told.may_act = True
 
     def _take_samples(self, event: Event) -> None:
         """Hand samples that a coupled world has taken to the agent."""
-        for sample in unpack_samples(event[DATA].payload, self._clock.reading):
-            self.run_handler(self.agent.on_sample, sample)
+        for sample in unpack_samples(event[DATA].payload):
+            self._take_sample(sample, self._clock.reading(sample.time_ns))
 
     def _put(self, outlet: str, message: Message) -> None:
         self.receiver.note_transmission()

@@ -125,7 +125,7 @@ class Plan:
     which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
     how many there are), for radios that take turns. `groups`: name → agents, as live faults may name them.
     `world` goes its own way, a `coupled` one is acted upon. `world_agents`: who runs beside the agents: a coupled
-    world; `wires`: what joins it to them.
+    world; `wires`: what joins it to them. `keeps_payloads`: whether what delivered frames bring is recorded.
     """
 
     name: str
@@ -141,6 +141,7 @@ class Plan:
     coupled: Coupled | None = None
     world_agents: tuple[AgentPlan, ...] = ()
     wires: Mapping[LinkName, LinkSettings] = field(default_factory=dict)
+    keeps_payloads: bool = False
 
     @property
     def all_agents(self) -> tuple[AgentPlan, ...]:

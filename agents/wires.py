@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,10 +22,10 @@ def _flat(value: NDArray[np.float64] | None) -> tuple[Sequence[int] | None, NDAr
     return (None, None) if value is None else (value.shape, value.ravel())
 
 
-def unpack_samples(payload: bytes, reading: Callable[[int], int]) -> list[Sample]:
-    """Decode samples; they are stamped with the `reading` of the agent's own clock at their instant."""
+def unpack_samples(payload: bytes) -> list[Sample]:
+    """Decode samples."""
     return [
-        Sample(sensor, index, reading(time_ns), None if shape is None else flat.reshape(shape))
+        Sample(sensor, index, time_ns, None if shape is None else flat.reshape(shape))
         for sensor, index, time_ns, shape, flat in payloads.decode(payload)
     ]
 

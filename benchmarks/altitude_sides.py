@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volery.agents.altitude.altitude_network import measured
 from volery.estimators.altitude.components import GRAVITY, Barometer, Ground, Imu, RangeFinder, Robot
 from volery.estimators.altitude.modular_filter import GROUND, GroundJumps, ModularFilter
 from volery.estimators.altitude.replay import Stamped
 from volery.experiments.scenario.load import load_scenario
+from volery.experiments.twin import recorded
 
 SCENARIO, SECONDS = "altitude-obstacles", 20
 SENSORS = {"imu": Imu(), "baro": Barometer(), "laser": RangeFinder()}
@@ -23,7 +23,9 @@ Floats = NDArray[np.float64]
 def flown() -> list[Stamped]:
     """What the sensors of the scenario measure, in the order of time."""
     plan = load_scenario(SCENARIO, [f"duration={SECONDS} s"]).plan
-    return measured(plan, list(SENSORS))
+    taken = ((agent, sample) for (agent, _), batch in recorded(plan).batches.items() for sample in batch.samples)
+    found = (Stamped(one.time_ns, agent, np.array(one.value)) for agent, one in taken if one.value is not None)
+    return sorted(found, key=lambda measurement: measurement.key)
 
 
 def volery_side(variant: str) -> dict[str, float]:

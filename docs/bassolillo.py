@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.agents.mhe.estimator import DISTURBANCE, Mhe
+from volery.agents.mhe.estimator import DISTURBANCE
 from volery.estimators.horizon.quadrotor_model import RANGES, QuadrotorModel
 from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, VERMILION
 from volery.experiments.record.record import Record
@@ -60,9 +60,7 @@ def course(record: Record, quantity: str) -> Course:
     """What the hub said of a quantity, at the instants that the reports are of."""
     series = record.estimates(quantity)["hub"]
     rate = next(agent.parameters.rate for agent in record.plan.agents if agent.name == "hub")
-    reports = zip(series.sample.tolist(), series.time_ns.tolist(), strict=True)
-    truth = [Mhe.truth(record.plan, quantity, *report) for report in reports]
-    return Course(series.sample / rate, series.value, np.array(truth))
+    return Course(series.sample / rate, series.value, record.truth(quantity)["hub"])
 
 
 def _milliradians(values: Floats) -> str:

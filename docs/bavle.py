@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from page_figures import draw_asked
 
 from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
-from volery.agents.altitude.altitude_network import measured
+from volery.agents.altitude.altitude_network import component_name
 from volery.agents.plan import Plan
+from volery.agents.sensor_node import SensorNodeParameters, numbers
 from volery.estimators.altitude.components import Ground
 from volery.estimators.altitude.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
 from volery.estimators.altitude.replay import Stamped
@@ -29,7 +30,7 @@ from volery.experiments.scenario.fault_labels import fault_label
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.links import NANOSECONDS
-from volery.units import period_ns
+from volery.units import first_period, period_ns
 from volery.worlds.altitude.altitude_world import AltitudeWorld
 
 if TYPE_CHECKING:
@@ -100,8 +101,22 @@ def fly(scenario: str, *changes: str) -> Flown:
     plan = planned(scenario, *changes)
     record = recorded(plan)
     said = record.estimates("altitude")["hub"]
-    truth = np.array([world_of(plan).truth(time_ns) for time_ns in said.time_ns.tolist()])
-    return Flown(record, said.time_ns / NANOSECONDS, said.value, truth)
+    return Flown(record, said.time_ns / NANOSECONDS, said.value, record.truth("altitude")["hub"])
+
+
+def measured(plan: Plan) -> list[Stamped]:
+    """All that the sensors see for which the hub has a component, in the order of their instants."""
+    components, world, found = hub(plan).filter().sensors, world_of(plan), []
+    for agent in plan.agents:
+        if not isinstance(agent.parameters, SensorNodeParameters):
+            continue
+        for sensor, number in numbers(plan, agent.name):
+            rate, name = world.sensors(agent.name)[sensor], component_name(agent.name, number)
+            for index in range(first_period(rate, plan.duration_ns) if name in components else 0):
+                value = plan.measure(agent.name, sensor, index)
+                if value is not None:
+                    found.append(Stamped(period_ns(rate, index), name, value))
+    return sorted(found, key=lambda measurement: measurement.key)
 
 
 def seen(plan: Plan, agent: str, sensor: str) -> tuple[Floats, Floats]:
@@ -183,7 +198,7 @@ def fig4(figure: Figure) -> Iterator[str]:
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     yield f"jumps of the ground that the gate saw: {gated.counts()[-1]}"
     plans = [planned("altitude-obstacles", f"seed={seed}") for seed in MORE_SEEDS]
-    flights = [(plan, measured(plan, hub(plan).filter().sensors)) for plan in plans]
+    flights = [(plan, measured(plan)) for plan in plans]
     for variant, walk in (("as_printed", PRINTED_WALK), ("gate", Ground().walk), ("gate_and_floor", Ground().walk)):
         errors = (f"{CM * mean_error(*flight, variant, walk):.1f}" for flight in flights)  # type: ignore[arg-type]
         seeds = f"seeds {MORE_SEEDS[0]} to {MORE_SEEDS[-1]}"
@@ -268,7 +283,7 @@ def tuning(figure: Figure) -> Iterator[str]:
     yield f"mean (least to most of {len(SEEDS)} seeds) in cm for walks of {', '.join(map(str, WALKS))} m/√s"
     for axes, (scene, changes) in zip(figure.subplots(1, len(SCENES), sharey=True), SCENES.items(), strict=True):
         plans = [planned("altitude-platform", f"seed={seed}", *changes) for seed in SEEDS]
-        flights = [(plan, measured(plan, hub(plan).filter().sensors)) for plan in plans]
+        flights = [(plan, measured(plan)) for plan in plans]
         for variant, (label, colour) in LOOKS.items():
             errors = CM * np.array([[mean_error(*flight, variant, walk) for walk in WALKS] for flight in flights])
             mean, low, high = errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)

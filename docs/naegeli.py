@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page_figures import draw_asked
 
-from volery.agents.mav.findings import estimate_spread, mean_nees, shape_errors
 from volery.agents.mav.mav_settings import MavParameters
 from volery.estimators.formation.assignment import observability
 from volery.estimators.formation.control import control, regulator
 from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.evaluation.mav_findings import estimate_spread, mean_nees, shape_errors
 from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from volery.experiments.record.record import Record
 from volery.transport.links import NANOSECONDS

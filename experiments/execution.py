@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -24,10 +24,11 @@ from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
 from .record.background import BackgroundSink
+from .record.evaluation_pass import evaluate_run
 from .record.machine import fingerprint, libraries
 from .record.record import Record, load
 from .record.recorder import Recorder
-from .record.run_files import FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE
+from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE
 from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace
 from .swarm.control_server import ControlServer
@@ -102,12 +103,23 @@ def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = N
         _write_info(folder, {**info, "status": "failed", "problems": [str(error)]})
         raise
     status = "failed" if ending.problems else "finished"
-    _write_info(folder, {**info, "status": status, "problems": ending.problems, "wall_s": ending.wall_s})
-    record = load(folder, plan)
+    info |= {"status": status, "problems": ending.problems, "wall_s": ending.wall_s}
+    record = _evaluated(load(folder, plan, evaluated=False), folder, info)
     metrics = write_metrics(record, folder)
     if options.figures:
         draw(record, (), folder / FIGURES_FOLDER)
-    return Outcome(folder, record, metrics, ending.problems)
+    problems = (*ending.problems, record.not_evaluated) if record.not_evaluated else ending.problems
+    return Outcome(folder, record, metrics, problems)
+
+
+def _evaluated(record: Record, folder: Path, info: dict[str, Any]) -> Record:
+    """The record with its evaluation; where the user's code fails in it, run.json says so."""
+    try:
+        record = evaluate_run(record, folder)
+    except Exception as error:  # noqa: BLE001 - the run itself is whole
+        info |= {EVALUATION_PROBLEM: f"{type(error).__name__}: {error}"}
+    _write_info(folder, info)
+    return replace(record, info=info)
 
 
 def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:

@@ -14,6 +14,7 @@ from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
 from ..transport.media import AIR
+from .record.evaluation_pass import evaluated
 from .record.machine import one_blas_thread
 from .record.record import Collector, Record
 
@@ -121,7 +122,7 @@ class Twin:
 
 
 def recorded(plan: Plan) -> Record:
-    """The record of a plan, run in the twin to its end and kept in memory."""
+    """The record of a plan, run in the twin to its end, evaluated and kept in memory."""
     collector = Collector()
     Twin(plan, collector).run()
-    return collector.record(plan)
+    return evaluated(collector.record(plan))

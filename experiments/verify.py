@@ -55,7 +55,7 @@ def verify(folder: Path) -> Verdict:
     Raises:
         BadInput: no run there, or a damaged record.
     """
-    record = load(folder)
+    record = load(folder, evaluated=False)
     elsewhere = differences(record.info, record.plan)
     replayed = replay(record)
     departures = sorted(compare(record, replayed, 0.0 if not elsewhere else _TOLERANCE), key=itemgetter(slice(2)))

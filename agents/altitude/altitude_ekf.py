@@ -1,7 +1,7 @@
 """The agent that estimates the altitude from what its neighbours, nodes with sensors, tell: Bavle 2017 as a network.
 
 Measurements are used in the order of their stamps, however late they come; an estimate is a prediction to the instant
-at which it is asked for, and changes nothing. The oracle is the same filter with links that neither lose nor lag.
+at which it is asked for, and changes nothing.
 """
 
 from __future__ import annotations
@@ -10,27 +10,26 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...estimators.altitude.modular_filter import GROUND, Belief
 from ...estimators.altitude.replay import Replay, Stamped
 from ...units import first_period, period_ns
 from .. import measurements
-from ..agent import Agent, Context, Finding, Received, RunData, Timer
+from ..agent import Agent, Context, Received, Timer
 from ..measurements import Measurement
 from ..payloads import DamagedPayload
 from ..plan import Plan
 from . import altitude_network as network
 from .altitude_ekf_settings import AltitudeEkfParameters
-from .altitude_network import ALTITUDE, COUNTS, DEVIATION, OUTCOMES, component_name, reported
+from .altitude_network import COUNTS, DEVIATION, OUTCOMES, component_name, reported
 
 
 class AltitudeEkf(Agent):
     """The hub of a star of sensor nodes; it never sends."""
 
     Parameters = AltitudeEkfParameters
+    evaluation = "volery.experiments.evaluation.altitude_evaluation:AltitudeEvaluation"
     timers_only = True
-    diagnostics = frozenset({COUNTS, DEVIATION})
 
     parameters: AltitudeEkfParameters
 
@@ -98,28 +97,6 @@ class AltitudeEkf(Agent):
     def sends_per_second(cls, parameters: AltitudeEkfParameters) -> float:
         """It only listens."""
         return 0.0
-
-    @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
-        """What the same filter says that has every measurement at the instant at which it was taken."""
-        return network.oracle(plan, quantity, index)
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
-        """Height of the vehicle and of the ground and climb rate, or the biases of the barometers, at the instant."""
-        return network.truth(plan, quantity, time_ns)
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """Errors of the altitude, and what became of the measurements."""
-        return list(network.findings(plan, run))
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Metres."""
-        return (
-            (("altitude", "m", 1.0), ("ground", "m", 1.0), ("climb rate", "m/s", 1.0)) if quantity == ALTITUDE else ()
-        )
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

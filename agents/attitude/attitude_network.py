@@ -1,26 +1,17 @@
-"""The network of measurement units as a whole: the attitude that all sensors tell, errors, what cannot work."""
+"""The network of measurement units as a whole: who is in it, and what cannot work."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
 import networkx as nx
-import numpy as np
-from numpy.typing import NDArray
 
-from ...estimators.attitude.directions import least_squares_attitude
 from ...estimators.attitude.dynamic_consensus import largest_step
-from ...estimators.error_measures import attitude_difference, integrated_square_error
-from ...rotations import euler_to_quaternion, rotate, same_sign
 from ...units import period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS, RigidBodyWorld
-from ..agent import Finding, RunData
 from ..plan import AgentPlan, Plan
 from .attitude_unit_settings import AttitudeParameters
-
-Floats = NDArray[np.float64]
 
 ATTITUDE, ALONE, OWN, MESSAGES = "attitude", "attitude-alone", "own-attitude", "messages"
 FATES = ("used", "too late", "ahead of the clock")
@@ -41,59 +32,6 @@ def partners(plan: Plan, name: str) -> list[str]:
     """The units that a unit ever talks to."""
     inside = {unit.name for unit in network(plan)}
     return [other for other in plan.agent(name).neighbours if other in inside] if name in inside else []
-
-
-def truth(plan: Plan, index: int) -> Floats:
-    """The attitude of the body at a sample."""
-    assert plan.world is not None
-    return plan.world.truth(period_ns(_parameters(plan).rate, index))[:4]
-
-
-def oracle(plan: Plan, index: int) -> Floats | None:
-    """The attitude that fits best the directions that all sensors of the network see in one sample.
-
-    Each is turned into the body's frame by the mounting of its unit. Of q and −q, which are one attitude, that nearer
-    to the true one. None where the directions leave a turn open.
-    """
-    observed, references = [], []
-    for unit in network(plan):
-        for sensor, direction in DIRECTIONS.items():
-            if not _has(plan, unit.name, sensor):
-                continue
-            value = plan.measure(unit.name, sensor, index)
-            if value is not None and 0.0 < (norm := float(np.linalg.norm(value))) < math.inf:
-                mounting = euler_to_quaternion(*(unit.parameters.mounting(unit.name) or (0.0, 0.0, 0.0)))
-                observed.append(rotate(mounting, value / norm))
-                references.append(direction)
-    found = least_squares_attitude(np.array(observed).reshape(-1, 3), np.array(references).reshape(-1, 3))
-    return None if found is None else same_sign(found, truth(plan, index))
-
-
-def findings(plan: Plan, run: RunData) -> Sequence[Finding]:
-    """Each unit's root mean square error, the integral of the square of half of it, Betanzos 2024, (31); messages."""
-    found = []
-    for quantity in (ATTITUDE, ALONE):
-        for name, series in run.estimates(quantity).items() if quantity in run.quantities() else ():
-            true = np.array([truth(plan, int(index)) for index in series.sample])
-            angle = np.linalg.norm(attitude_difference(series.value, true), axis=1)
-            where = "alone" if quantity == ALONE else "in the network"
-            rms = math.degrees(math.sqrt(float(np.mean(angle**2))))
-            ise = integrated_square_error(series.time_ns, 0.5 * angle)
-            text = f"root mean square; the ISE of half of it is {ise:.4g} rad² s"
-            found.append(Finding(f"attitude error of unit {name}, {where}", rms, "deg", text))
-    return [*found, *_messages(run)]
-
-
-def _messages(run: RunData) -> Iterator[Finding]:
-    """What became of messages until each unit's last count of them; units that died began to count anew."""
-    if MESSAGES not in run.quantities():
-        return
-    total = np.zeros(len(FATES))
-    for series in run.estimates(MESSAGES).values():
-        more = np.diff(series.value, axis=0, prepend=0.0)
-        total += np.where((more < 0.0).any(axis=1, keepdims=True), series.value, more).sum(axis=0)
-    for fate, count in zip(FATES, total.tolist(), strict=True):
-        yield Finding(f"messages {fate}", count)
 
 
 def problems(plan: Plan) -> Sequence[str]:

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from ...estimators.attitude.directions import learned_quaternion
 from ...estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
 from ...estimators.attitude.trust import Trust, judged
-from ...estimators.error_measures import attitude_difference
 from ...rotations import conjugate, euler_to_quaternion, mean_quaternion, quaternion_product, rotate
 from ...units import first_period, period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS
-from ..agent import Agent, Context, Finding, Offer, Received, RunData, Sample, Timer
+from ..agent import Agent, Context, Offer, Received, Sample, Timer
 from ..plan import Plan
 from . import attitude_network as network
 from .attitude_network import ALONE, ATTITUDE, OWN
@@ -29,7 +28,6 @@ from .inbox import Inbox
 
 Floats = NDArray[np.float64]
 
-_DEGREE = 180 / math.pi
 _REFERENCES: Mapping[str, Floats] = {sensor: np.array(direction) for sensor, direction in DIRECTIONS.items()}
 
 
@@ -42,8 +40,8 @@ class AttitudeUnit(Agent):
     """
 
     Parameters = AttitudeParameters
+    evaluation = "volery.experiments.evaluation.attitude_evaluation:AttitudeEvaluation"
     timers_only = True
-    diagnostics = frozenset({network.MESSAGES})
 
     parameters: AttitudeParameters
 
@@ -163,36 +161,6 @@ class AttitudeUnit(Agent):
         """One frame a sample to each neighbour; nothing where it is alone, or among such."""
         parameters: AttitudeParameters = plan.agent(name).parameters
         return Offer(parameters.largest_payload, parameters.rate if network.partners(plan, name) else 0.0)
-
-    @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
-        """The attitude that fits best what all sensors of the network say in one sample."""
-        return network.oracle(plan, index) if quantity == ATTITUDE else None
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats | None:
-        """The attitude of the body when the sample was taken."""
-        return network.truth(plan, index)
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """The error of each unit, and its integral."""
-        return network.findings(plan, run)
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """The components of the quaternion."""
-        return tuple((f"$q_{number}$", "", 1.0) for number in range(4))
-
-    @classmethod
-    def difference(cls, quantity: str, estimate: Floats, reference: Floats) -> Floats:
-        """The turn from the reference to the estimate [rad], whose two-norm is the angle between the two."""
-        return attitude_difference(estimate, reference)
-
-    @classmethod
-    def difference_labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Turns about the inertial axes."""
-        return tuple((f"turn about {axis}", "deg", _DEGREE) for axis in ("x", "y", "z"))
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

@@ -1,15 +1,11 @@
-"""The array as a whole: what a central computer would estimate from the same samples, and what makes an array unfit."""
+"""What makes an array of modules unfit for its estimators."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...estimators.flying_array.least_squares import centralised_estimate, noncollinear
-from ...estimators.flying_array.plane import exact_state
+from ...estimators.flying_array.least_squares import noncollinear
 from ...topologies import natural_key
 from ...transport.links import LinkSettings
 from ...transport.media import EDGE_SLOTS, FullDuplex
@@ -19,22 +15,6 @@ from .dfa_settings import DfaParameters
 
 SENSOR = "distance"
 _ROUNDS_LOOKED_AT = 240
-
-
-def oracle(plan: Plan, sample: int) -> NDArray[np.float64] | None:
-    """The centralised estimate (z, γ, β) [m, rad, rad] from all sensors' samples of one index.
-
-    Kriegleder 2012, (12); made exact for a tilted plane where the modules' own estimate is.
-    None where the sensors that saw something stand on a line.
-    """
-    assert plan.world is not None
-    seen = [(agent.position, plan.measure(agent.name, SENSOR, sample)) for agent in plan.agents]
-    rows = [(position, value[0]) for position, value in seen if position is not None and value is not None]
-    positions = [position for position, _ in rows]
-    if not rows or not noncollinear(positions):
-        return None
-    state = centralised_estimate(positions, [value for _, value in rows])
-    return exact_state(state) if plan.agents[0].parameters.model == "exact" else state
 
 
 def problems(plan: Plan) -> Sequence[str]:

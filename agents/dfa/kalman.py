@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...topologies import Position
-from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero, period_ns
+from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero
 from ...worlds.plane.distance_sensors import GaussianDistance
 from ...worlds.plane.plane_world import GYROSCOPE, SENSOR, PlaneWorld, distances
-from ..fusion.fusion_agent import ESTIMATE, FusingAgent
+from ..fusion.fusion_agent import FusingAgent
 from ..fusion.fusion_settings import FusingParameters
 from ..fusion.problem import Problem, Readings
 from ..plan import Plan
 
-_DEGREE = 180 / math.pi
 _STEP = 1e-6
 """Of central differences, in metres and radians: their error is 1e-10."""
 _STEEPEST = 1.4
@@ -106,15 +105,12 @@ class ArrayProblem:
         H = _jacobian(lambda x: distances(x, place), here)
         return Measurement(H, np.eye(1) * self.distance_noise**2, seen - distances(here, place) + H @ here)
 
-    def truth(self, sample: int) -> NDArray[np.float64]:
-        """Altitude, roll and pitch at a sample."""
-        return self.world.truth(period_ns(self.rate, sample))
-
 
 class DfaKalman(FusingAgent):
     """One module."""
 
     Parameters = DfaKalmanParameters
+    evaluation = "volery.experiments.evaluation.fusion_evaluation:DfaKalmanEvaluation"
 
     @classmethod
     def problem(cls, plan: Plan) -> Problem:
@@ -141,13 +137,6 @@ class DfaKalman(FusingAgent):
         if plan.agents[0].parameters.distance_noise is None and not known:
             return ["the world does not say the noise of a distance: set agents.distance_noise, for example to 5 mm"]
         return []
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Altitude in metres, angles in degrees."""
-        if quantity != ESTIMATE:
-            return ()
-        return (("altitude", "m", 1.0), ("roll", "deg", _DEGREE), ("pitch", "deg", _DEGREE))
 
 
 def _turning(state: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:

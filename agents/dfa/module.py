@@ -8,7 +8,6 @@ whatever round it was of, and a new sample moves the own input.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,7 +24,6 @@ from . import array as flying_array
 from .dfa_settings import COUNTS, DfaParameters
 from .estimators import Rounds, rounds
 
-_DEGREE = 180 / math.pi
 _NEWEST = (0, 0)
 Tag = tuple[int, int]
 """Sample and round that a message belongs to; asynchronous messages are all alike."""
@@ -35,6 +33,7 @@ class DfaModule(Agent):
     """One module of the array."""
 
     Parameters = DfaParameters
+    evaluation = "volery.experiments.evaluation.dfa_evaluation:DfaEvaluation"
     timers_only = True
 
     parameters: DfaParameters
@@ -147,23 +146,6 @@ class DfaModule(Agent):
         return parameters.round_rate
 
     @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
-        """The centralised least-squares estimate from the same samples, Kriegleder 2012, (12)."""
-        return flying_array.oracle(plan, _sample_of(plan, quantity, index))
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
-        """Altitude, roll and pitch when the sample was taken."""
-        parameters: DfaParameters = plan.agents[0].parameters
-        assert plan.world is not None
-        return plan.world.truth(period_ns(parameters.rate, _sample_of(plan, quantity, index)))
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Altitude in metres, angles in degrees."""
-        return (("altitude", "m", 1.0), ("roll", "deg", _DEGREE), ("pitch", "deg", _DEGREE))
-
-    @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """An array on a line, sensors of another rate, or rounds that cannot wait for each other."""
         return flying_array.problems(plan)
@@ -173,11 +155,3 @@ def _before(tag: Tag, open_tag: Tag) -> bool:
     """Whether a round is over, by counts that start again at `COUNTS`."""
     behind = (open_tag[0] - tag[0]) % COUNTS
     return tag[1] < open_tag[1] if behind == 0 else behind < COUNTS // 2
-
-
-def _sample_of(plan: Plan, quantity: str, index: int) -> int:
-    """The sample that a reported index belongs to."""
-    parameters: DfaParameters = plan.agents[0].parameters
-    if parameters.hold:
-        return 0
-    return (index - 1) // parameters.rounds if quantity == "estimate/round" else index

@@ -18,21 +18,18 @@ from ...errors import BadInput
 from ...estimators.averages.average_consensus import LOCAL
 from ...estimators.distributed.filtering import Filter, Moment, Place
 from ...estimators.distributed.gaussian import Gaussian, Step, predict
-from ...estimators.error_measures import nees
-from ...estimators.information import pack_symmetric, unpack_symmetric
+from ...estimators.information import pack_symmetric
 from ...topologies import metropolis_weight
 from ...units import first_period, period_ns
 from .. import payloads
-from ..agent import Agent, Context, Finding, Offer, Received, RunData, Sample, Timer
+from ..agent import Agent, Context, Offer, Received, Sample, Timer
 from ..plan import Plan
 from .fusion_settings import COUNTS, SPREAD, FusingParameters
-from .problem import Briefing, Problem, Readings, Whole, parts, predicted_mean, whole
+from .problem import Briefing, Problem, Readings, parts, predicted_mean
 
 ESTIMATE, COVARIANCE = "estimate", "covariance"
 _TOO_FAR = 1e9
 """A mean that is so many standard deviations of the prior away has diverged: nothing is left to average."""
-SETTLED = 0.25
-"""Part of the run at its begin that says more of the start than of the filter."""
 Tag = tuple[int, int]
 """Sample and round that a message belongs to."""
 
@@ -41,7 +38,6 @@ class FusingAgent(Agent):
     """Base of agents with a distributed filter; a kind of its own says what the problem is."""
 
     timers_only = True
-    diagnostics = frozenset({COVARIANCE})
 
     parameters: FusingParameters
 
@@ -212,21 +208,6 @@ class FusingAgent(Agent):
         return Offer(longest, problem.rate * parameters.rounds if told else 0.0)
 
     @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
-        """The mean of the centralised Kalman filter on the same measurements."""
-        return whole(plan, cls.problem).belief(index).mean if quantity == ESTIMATE else None
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
-        """The state when the sample was taken."""
-        return whole(plan, cls.problem).problem.truth(index) if quantity == ESTIMATE else None
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """Consistency: the mean NEES over the dimension, of the agents and of the centralised filter."""
-        return list(_consistency(whole(plan, cls.problem), run)) if COVARIANCE in run.quantities() else []
-
-    @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """Agents that differ, a world that is none of this kind's, a graph that changes under weights that do not."""
         if not plan.is_uniform:
@@ -246,29 +227,3 @@ def _refused(plan: Plan, kind: type[FusingAgent]) -> Iterator[str]:
         kind.offers(plan, plan.agents[0].name)
     except BadInput as error:
         yield f"filter {plan.agents[0].parameters.filter}: {error}"
-
-
-def _consistency(of: Whole, run: RunData) -> Iterator[Finding]:
-    problem = of.problem
-    covariances = run.estimates(COVARIANCE)
-    values, best = [], []
-    for agent, told in run.estimates(ESTIMATE).items():
-        stated = dict(zip(covariances[agent].sample.tolist(), covariances[agent].value, strict=True))
-        for sample, mean in zip(told.sample.tolist(), told.value, strict=True):
-            if period_ns(problem.rate, sample) < SETTLED * run.last_ns or sample not in stated:
-                continue
-            values.append(_nees(mean, unpack_symmetric(stated[sample]), problem.truth(sample)))
-            central = of.belief(sample)
-            best.append(_nees(central.mean, central.covariance, problem.truth(sample)))
-    if values:
-        text = (
-            "mean NEES over the dimension after a quarter of the run: 1 where the covariance is right, above if it lies"
-        )
-        yield Finding("ANEES", float(np.mean(values)), "", text)
-        yield Finding("ANEES, centralised", float(np.mean(best)), "", "of the Kalman filter on all measurements")
-
-
-def _nees(mean: NDArray[np.float64], covariance: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    if not np.isfinite(mean).all():
-        return np.inf
-    return float(nees(mean - truth, covariance)) / len(truth)

@@ -5,22 +5,19 @@ Letters: x = (p_x, p_y, v_x, v_y) position [m] and velocity [m/s] of the target.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
-from ...estimators.information import unpack_symmetric
-from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero, period_ns
+from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero
 from ...worlds.target.target_world import COORDINATES, TargetWorld, process_noise, transition
-from ..agent import Finding, RunData, View
 from ..plan import Plan
-from .fusion_agent import COVARIANCE, ESTIMATE, SETTLED, FusingAgent
+from .fusion_agent import FusingAgent
 from .fusion_settings import FusingParameters
-from .problem import Problem, Readings, whole
+from .problem import Problem, Readings
 
 
 @dataclass(frozen=True)
@@ -71,15 +68,12 @@ class TargetProblem:
                 return Measurement(np.eye(4)[[COORDINATES.index(sensor)]], np.eye(1) * self.noise**2, value)
         return None
 
-    def truth(self, sample: int) -> NDArray[np.float64]:
-        """The state at a sample."""
-        return self.world.state(sample)
-
 
 class Tracker(FusingAgent):
     """One agent that follows the target."""
 
     Parameters = TrackerParameters
+    evaluation = "volery.experiments.evaluation.fusion_evaluation:TrackerEvaluation"
 
     @classmethod
     def problem(cls, plan: Plan) -> Problem:
@@ -98,46 +92,3 @@ class Tracker(FusingAgent):
         if not isinstance(plan.world, TargetWorld):
             return ["tracker needs a target to follow: add `world: {kind: target}`"]
         return []
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Position in metres, velocity in metres per second."""
-        if quantity != ESTIMATE:
-            return ()
-        return (
-            ("position x", "m", 1.0),
-            ("position y", "m", 1.0),
-            ("velocity x", "m/s", 1.0),
-            ("velocity y", "m/s", 1.0),
-        )
-
-    @classmethod
-    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
-        """Where the target is."""
-        if ESTIMATE not in reports:
-            return None
-        stated = {"target": unpack_symmetric(reports[COVARIANCE])[:2, :2]} if COVARIANCE in reports else {}
-        return View({"target": reports[ESTIMATE][:2]}, stated)
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """Errors of the position, and consistency."""
-        return [*_position_errors(plan, run), *super().findings(plan, run)]
-
-
-def _position_errors(plan: Plan, run: RunData) -> Iterator[Finding]:
-    run_of = whole(plan, Tracker.problem)
-    own, best = [], []
-    for told in run.estimates(ESTIMATE).values() if ESTIMATE in run.quantities() else ():
-        for sample, mean in zip(told.sample.tolist(), told.value, strict=True):
-            if period_ns(run_of.problem.rate, sample) >= SETTLED * run.last_ns:
-                truth = run_of.problem.truth(sample)
-                own.append((mean - truth)[:2])
-                best.append((run_of.belief(sample).mean - truth)[:2])
-    if own:
-        yield Finding("position error", _rms(own), "m", "rms over agents and samples after a quarter of the run")
-        yield Finding("position error, centralised", _rms(best), "m", "of the Kalman filter on all measurements")
-
-
-def _rms(errors: list[NDArray[np.float64]]) -> float:
-    return math.sqrt(float(np.mean(np.sum(np.square(errors), axis=1))))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,16 +22,13 @@ from ...estimators.formation.formation_messages import Message
 from ...estimators.frames.frame_consensus import FrameConsensus
 from ...rotations import conjugate, quaternion_product, rotate
 from ...units import first_period, period_ns
-from ..agent import Agent, CentralEstimator, Context, Finding, Received, RunData, Sample, Timer, View
+from ..agent import Agent, Context, Received, Sample, Timer
 from ..payloads import DamagedPayload
 from ..plan import Plan
-from . import findings as mav_findings
 from . import problems as mav_problems
-from .central_estimator import CentralisedFormation
 from .mav_messages import decode, encode
 from .mav_samples import CAMERA, IMU, Sight, frame_model, read_camera, read_imu, sightings
 from .mav_settings import MavParameters
-from .view import formation_view
 
 SIGHTS_KEPT_NS = 1_000_000_000
 STAMP_NS = 1_000_000
@@ -50,8 +46,8 @@ class Mav(Agent):
     """
 
     Parameters = MavParameters
+    evaluation = "volery.experiments.evaluation.mav_evaluation:MavEvaluation"
     timers_only = True
-    diagnostics = frozenset({FORCE, ATTITUDE, COVARIANCE})
     parameters: MavParameters
 
     def __init__(self, context: Context, parameters: MavParameters) -> None:
@@ -265,28 +261,6 @@ class Mav(Agent):
         return packet
 
     @classmethod
-    def view(cls, plan: Plan, reports: Mapping[str, NDArray[np.float64]]) -> View | None:
-        """Where all are, about a centre that the estimate does not know."""
-        if FORMATION not in reports:
-            return None
-        return formation_view([agent.name for agent in plan.agents], reports[FORMATION], reports.get(COVARIANCE))
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Place and velocity of each vehicle as seen from the next one, the force of one, and its attitude."""
-        if quantity == FORMATION:
-            pairs = pairwise(agent.name for agent in plan.agents)
-            parts = ((pair, *kind) for pair in pairs for kind in (("", "m"), ("velocity ", "m/s")))
-            return [
-                (f"{kind}{axis} of {one} from {other}", unit, 1.0)
-                for (one, other), kind, unit in parts
-                for axis in "xyz"
-            ]
-        if quantity == FORCE:
-            return [(f"force {axis}", "N", 1.0) for axis in "xyz"]
-        return [(f"$q_{number}$", "", 1.0) for number in range(4)] if quantity == ATTITUDE else ()
-
-    @classmethod
     def broadcasts(cls, parameters: Any) -> bool:
         """To all neighbours at once."""
         return True
@@ -295,16 +269,6 @@ class Mav(Agent):
     def libraries(cls, parameters: Any) -> Sequence[str]:
         """What has compiled its filter, if anything has."""
         return ("numba",) if parameters.filtering.form == "compiled" else ()
-
-    @classmethod
-    def central_estimator(cls, plan: Plan) -> CentralEstimator:
-        """The centralised filter on all that all see."""
-        return CentralisedFormation(plan)
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """Formation, spread, drift, sight, frames, consistency, and what became unobservable."""
-        return mav_findings.findings(plan, run)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:

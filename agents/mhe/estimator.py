@@ -1,14 +1,13 @@
 """The agent that estimates attitude and altitude by moving horizon from what its neighbours, nodes with sensors, tell.
 
 A measurement enters the window at the point to which its stamp belongs, however late it comes, as long as the point is
-in the window; one that is lost leaves a gap. The oracle is the same estimator with links that neither lose nor lag.
+in the window; one that is lost leaves a gap.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,12 +15,10 @@ from numpy.typing import NDArray
 
 from ...rotations import quaternion_to_euler
 from ...units import first_period, period_ns
-from ...worlds.quadrotor.quadrotor_sensors import QuadrotorWorld
 from .. import measurements
-from ..agent import Agent, Context, Finding, Received, RunData, Timer
+from ..agent import Agent, Context, Received, Timer
 from ..payloads import DamagedPayload
 from ..plan import Plan
-from ..plan_identity import PlanIdentity
 from ..sensor_node import SensorNodeParameters, own_sensors
 from .mhe_settings import Configuration, MheParameters
 from .track import IN_TIME, LATE, TOO_LATE, Pair, Track, widths
@@ -29,24 +26,25 @@ from .track import IN_TIME, LATE, TOO_LATE, Pair, Track, widths
 Floats = NDArray[np.float64]
 
 ATTITUDE, ALTITUDE, DISTURBANCE, COUNTS = "attitude", "altitude", "disturbance", "measurements"
-_EKF = " ekf"
+EKF = " ekf"
 _OUTCOMES = (IN_TIME, LATE, TOO_LATE, "ahead", "refused")
 """What can become of a measurement; one that is ahead of the own clock is used too, by less than a horizon."""
+COUNT_NAMES = (*(f"measurements {outcome}" for outcome in _OUTCOMES), "windows with an active bound")
 
 
 class Mhe(Agent):
     """The hub of a star of sensor nodes; it never sends."""
 
     Parameters = MheParameters
+    evaluation = "volery.experiments.evaluation.mhe_evaluation:MheEvaluation"
     timers_only = True
-    diagnostics = frozenset({COUNTS, *(f"{DISTURBANCE} {configuration}" for configuration in "AB")})
 
     parameters: MheParameters
 
     def __init__(self, context: Context, parameters: MheParameters) -> None:
         super().__init__(context, parameters)
         self._first = first_period(parameters.rate, context.now_ns)
-        self._tracks = _tracks(parameters, self._first)
+        self._tracks = tracks(parameters, self._first)
         self._counts: Counter[str] = Counter()
         self._bounded = 0
 
@@ -110,39 +108,6 @@ class Mhe(Agent):
         return (parameters.solver,)
 
     @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> Floats | None:
-        """What the same window says that has every measurement in time; of the filter, what the filter then says."""
-        return _courses(PlanIdentity(plan)).get(quantity, {}).get(index)
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats | None:
-        """Roll, pitch and yaw, or the altitude, at the point's instant."""
-        if not isinstance(plan.world, QuadrotorWorld):
-            return None
-        state = plan.world.truth(period_ns(_parameters(plan).rate, index))
-        if quantity.startswith(ATTITUDE):
-            return quaternion_to_euler(state[:4])
-        return np.array([-state[7]]) if quantity.startswith(ALTITUDE) else None
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """How many measurements were of use, and how often a bound was active."""
-        return [
-            Finding(f"{agent}: {name}", float(value))
-            for agent, series in (run.estimates(COUNTS) if COUNTS in run.quantities() else {}).items()
-            for name, value in zip(_count_names(), series.value[-1], strict=True)
-        ]
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """Milliradians and metres."""
-        if quantity.startswith(ATTITUDE):
-            return tuple((angle, "mrad", 1000.0) for angle in ("roll", "pitch", "yaw"))
-        if quantity.startswith(ALTITUDE):
-            return (("altitude", "m", 1.0),)
-        return tuple((name, "", 1.0) for name in _count_names()) if quantity == COUNTS else ()
-
-    @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
         """Sensors that no node has, nodes that are not heard, samples between the points."""
         hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, MheParameters)]
@@ -153,7 +118,7 @@ class Mhe(Agent):
 
 def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Floats]]:
     """Quantity → value of one point: attitude (3,) [rad], altitude (1,) [m] in A, oldest disturbance of the window."""
-    for suffix, state in (("", pair.window.state), (_EKF, pair.filtered)):
+    for suffix, state in (("", pair.window.state), (EKF, pair.filtered)):
         yield f"{ATTITUDE} {configuration}{suffix}", quaternion_to_euler(state[:4])
         if configuration == "A":
             yield f"{ALTITUDE} {configuration}{suffix}", -state[7:8]
@@ -161,17 +126,14 @@ def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Fl
         yield f"{DISTURBANCE} {configuration}", pair.window.disturbances[0]
 
 
-def _tracks(parameters: MheParameters, first: int) -> dict[Configuration, Track]:
+def tracks(parameters: MheParameters, first: int) -> dict[Configuration, Track]:
+    """Configuration → its estimators, from a first point on."""
     return {configuration: Track(parameters, configuration, first) for configuration in parameters.configurations}
 
 
 def _fits(sensors: Sequence[str], number: int, values: Floats) -> bool:
     known = 0 <= number < len(sensors) and widths(sensors)[number] == values.size
     return known and bool(np.isfinite(values).all())
-
-
-def _count_names() -> tuple[str, ...]:
-    return (*(f"measurements {outcome}" for outcome in _OUTCOMES), "windows with an active bound")
 
 
 def _parameters(plan: Plan) -> MheParameters:
@@ -213,33 +175,3 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
                     f"{node}.{sensor} has {rate:g} samples a second, which do not fall on the {parameters.rate:g} "
                     f"points a second of {hub}: choose a rate that divides it"
                 )
-
-
-@lru_cache(maxsize=2)
-def _courses(same: PlanIdentity) -> dict[str, dict[int, Floats]]:
-    """Quantity → point → what is estimated when every sample comes in time."""
-    plan, parameters = same.plan, _parameters(same.plan)
-    assert plan.world is not None
-    tracks = _tracks(parameters, 0)
-    courses: dict[str, dict[int, Floats]] = {}
-    for point in range(first_period(parameters.rate, plan.duration_ns)):
-        for node, sensor, index in _samples(plan, parameters, point):
-            value = plan.measure(node, sensor, index)
-            for track in tracks.values() if value is not None else ():
-                assert value is not None
-                track.put(sensor, point, value)
-        for configuration, track in tracks.items():
-            for quantity, value in reported(configuration, track.estimate(point)):
-                courses.setdefault(quantity, {})[point] = value
-    return courses
-
-
-def _samples(plan: Plan, parameters: MheParameters, point: int) -> Iterator[tuple[str, str, int]]:
-    """Node, sensor and index of the samples that are taken at a point."""
-    assert plan.world is not None
-    for node, sensors in parameters.sensors.items():
-        rates = plan.world.sensors(node)
-        for sensor in sensors:
-            each = round(parameters.rate / rates[sensor])
-            if point % each == 0:
-                yield node, sensor, point // each

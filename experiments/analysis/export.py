@@ -13,8 +13,6 @@ import numpy as np
 from ...errors import BadInput
 from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
-from ..record.samples import references
-from .metrics import component_labels
 
 Format = Literal["csv", "parquet", "npz"]
 FORMATS: tuple[Format, ...] = ("csv", "parquet", "npz")
@@ -64,16 +62,13 @@ def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A00
 
 def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
     """One row for each component of each estimate, in the order of ESTIMATE_COLUMNS."""
-    for quantity in record.quantities():
-        all_series = record.estimates(quantity)
-        beside = references(record, quantity, all_series)
-        for agent, series in all_series.items():
-            oracles, truths = beside[agent]
-            labels = component_labels(record, quantity, series.value.shape[1])
+    for quantity, judged in record.evaluated.quantities.items():
+        for agent, series in record.estimates(quantity).items():
+            columns = series.value, judged.central[agent], judged.truth[agent]
             for row, (time_ns, sample) in enumerate(zip(series.time_ns.tolist(), series.sample.tolist(), strict=True)):
-                for component, (name, _, _) in enumerate(labels):
-                    numbers = (float(values[row, component]) for values in (series.value, oracles, truths))
-                    yield agent, time_ns, quantity, sample, component, name, *numbers
+                for number, component in enumerate(judged.components):
+                    numbers = (float(values[row, number]) for values in columns)
+                    yield agent, time_ns, quantity, sample, number, component.name, *numbers
 
 
 def frame_rows(record: Record) -> Iterator[tuple[Any, ...]]:
@@ -89,14 +84,13 @@ def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
     "frames.<field>" (m,) for each field of a story: text, −1 for a number that is not known.
     """
     found: dict[str, np.ndarray[Any, Any]] = {}
-    for quantity in record.quantities():
+    for quantity, judged in record.evaluated.quantities.items():
         series = record.estimates(quantity)
-        beside = references(record, quantity, series)
         found[f"{quantity}.agent"] = np.repeat(list(series), [len(mine.sample) for mine in series.values()])
         for name in ("time_ns", "sample", "value"):
             found[f"{quantity}.{name}"] = np.concatenate([getattr(mine, name) for mine in series.values()])
-        for number, name in enumerate(("oracle", "truth")):
-            found[f"{quantity}.{name}"] = np.concatenate([beside[agent][number] for agent in series])
+        for name, reference in (("oracle", judged.central), ("truth", judged.truth)):
+            found[f"{quantity}.{name}"] = np.concatenate([reference[agent] for agent in series])
     frames = list(frame_rows(record))
     for number, (field, kind) in enumerate(FRAME_COLUMNS.items()):
         missing: Any = "" if kind == "VARCHAR" else -1

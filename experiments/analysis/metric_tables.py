@@ -20,6 +20,8 @@ _CLOSES = "the sum of frames closes on every link"
 def metrics_tables(metrics: Metrics) -> list[Table]:
     """Components, errors and recoveries of each quantity; frames, the links that lost most, and the verdict."""
     tables = []
+    if metrics.not_evaluated:
+        tables.append(_table("Estimates", "", rows=[(metrics.not_evaluated,)]))
     for name, quantity in metrics.quantities.items():
         tables += [_components(name, quantity), _errors(name, quantity)]
         if quantity.recoveries:

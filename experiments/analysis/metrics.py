@@ -10,7 +10,7 @@ import json
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...agents.agent import Agent, Finding
-from ...agents.registry import find
 from ...estimators import error_measures as measures
 from ...topologies import natural_key
 from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
+from ..evaluation.evaluation import Finding
+from ..evaluation.evaluation_result import EvaluationResult
 from ..record.frame_fates import frame_fates
 from ..record.record import Record
 from ..record.samples import Samples, samples
@@ -132,14 +132,16 @@ class LinkMetrics:
 class Metrics:
     """All metrics of a run; links by name, "3>7".
 
-    `wall_s`: how long it took by the clock, NaN where nobody wrote it down. `airtime`: medium → its utilisation.
-    `findings`: what the kinds of agents have to say, and how often what was noted.
+    `wall_s`: how long it took by the clock, NaN where nobody wrote it down. `not_evaluated`: why quantities and
+    findings are missing; empty where they are not. `airtime`: medium → its utilisation. `findings`: what evaluations
+    have to say, and how often what was noted.
     """
 
     name: str
     seconds: float
     wall_s: float
     recovered: bool
+    not_evaluated: str
     quantities: Mapping[str, QuantityMetrics]
     links: Mapping[str, LinkMetrics]
     airtime: Mapping[str, float]
@@ -164,6 +166,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         record: the run.
         threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
     """
+    of = record.evaluation or EvaluationResult({})
     frames = frame_fates(record)
     asked = channels(record, frames)
     ages = age_courses(record, frames)
@@ -176,11 +179,12 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         seconds=record.last_ns / NANOSECONDS,
         wall_s=record.info.get("wall_s", math.nan),
         recovered=record.recovered,
-        quantities={quantity: _quantity(record, quantity, threshold) for quantity in record.compared()},
+        not_evaluated=record.not_evaluated,
+        quantities={quantity: _quantity(record, quantity, threshold) for quantity in of.compared()},
         links=links,
         airtime=airtime_utilisation(record, frames),
         processes=_processes(record),
-        findings=tuple(_findings(record)),
+        findings=(*of.findings, *_notes(record)),
         fidelity=judge(
             record, [one.account for one in links.values()], {name: one.channel for name, one in links.items()}
         ),
@@ -229,7 +233,7 @@ def _quantity(record: Record, quantity: str, threshold: float | None) -> Quantit
         disagreement=metrics["disagreement"],
         oracle_error=metrics["error to oracle"],
         truth_error=metrics["error to truth"],
-        components=_components(record, quantity, seen, steady),
+        components=_components(seen, steady),
         recoveries=_recoveries(record, all_courses),
         contraction=contraction(seen) if quantity.endswith(ROUNDS) else math.nan,
     )
@@ -249,28 +253,11 @@ def _error_metrics(course: Course, steady: NDArray[np.bool_], threshold: float |
     )
 
 
-def component_labels(record: Record, quantity: str, count: int) -> list[tuple[str, str, float]]:
-    """Name, unit and factor to that unit of each component, numbered where the agents do not name them."""
-    return _named(_kind(record, quantity).labels(record.plan, quantity), quantity, count)
-
-
-def _kind(record: Record, quantity: str) -> type[Agent]:
-    """The kind of those who report a quantity."""
-    return find(record.plan.agent(next(iter(record.estimates(quantity)))).kind)
-
-
-def _named(labels: Sequence[tuple[str, str, float]], quantity: str, count: int) -> list[tuple[str, str, float]]:
-    return list(labels) or [(f"{quantity} [{number}]" if count > 1 else quantity, "", 1.0) for number in range(count)]
-
-
-def _components(
-    record: Record, quantity: str, seen: Samples, steady: NDArray[np.bool_]
-) -> tuple[ComponentMetrics, ...]:
-    to_oracle, to_truth = (seen.apart(seen.estimate, reference)[steady] for reference in (seen.oracle, seen.truth))
-    labels = _named(_kind(record, quantity).difference_labels(record.plan, quantity), quantity, to_truth.shape[2])
+def _components(seen: Samples, steady: NDArray[np.bool_]) -> tuple[ComponentMetrics, ...]:
+    both = seen.oracle_difference[steady], seen.truth_difference[steady]
     return tuple(
-        ComponentMetrics(name, unit, *(float(_rms(apart[:, :, number])) * factor for apart in (to_oracle, to_truth)))
-        for number, (name, unit, factor) in enumerate(labels)
+        ComponentMetrics(name, unit, *(float(_rms(apart[:, :, number])) * factor for apart in both))
+        for number, (name, unit, factor) in enumerate(seen.difference_components)
     )
 
 
@@ -335,10 +322,8 @@ def _processes(record: Record) -> dict[str, ProcessMetrics]:
     }
 
 
-def _findings(record: Record) -> Iterator[Finding]:
-    """What each kind of agents has to say, then the notes by what they say."""
-    for kind in dict.fromkeys(agent.kind for agent in record.plan.agents):
-        yield from find(kind).findings(record.as_run, record)
+def _notes(record: Record) -> Iterator[Finding]:
+    """How often what was noted, and by whom first."""
     for what, count in Counter(note["what"] for note in record.notes).items():
         first = next(note for note in record.notes if note["what"] == what)
         yield Finding(

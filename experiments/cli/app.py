@@ -40,6 +40,7 @@ _COMMANDS = {
     "fault": (_LIVE, "fault_commands:fault", "Inject faults into a running swarm, and undo them."),
     "stop": (_LIVE, "live_commands:stop", "End a running swarm early; what was recorded is kept."),
     "metrics": (_RESULTS, "result_commands:metrics", "Compute and print the metrics of runs."),
+    "evaluate": (_RESULTS, "evaluate_command:evaluate", "Compare a run with truth and central estimate, once more."),
     "compare": (_RESULTS, "compare_command:compare", "Say who is better, of runs or of sweeps, and how sure that is."),
     "trace": (_RESULTS, "trace_command:trace_run", "Print what became of the frames of a run, line by line."),
     "plot": (_RESULTS, "result_commands:plot_run", "Draw the figures of a run or a sweep."),

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...agents.agent import View
-from ...agents.plan import moving
-from ...agents.registry import find
 from ...errors import BadInput
-from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED, NANOSECONDS
 from ..analysis.channels import LinkCourse
+from ..evaluation.evaluation import View
+from ..evaluation.evaluation_result import Places
 from ..record.frame_fates import IN_FLIGHT, FrameFate, frame_fates
-from ..record.record import Life, Record, Series
+from ..record.record import Life, Record
 from ..scenario.fault_labels import fault_label
 
 Floats = NDArray[np.float64]
 
-POSITIONS = "positions"
-"""What a coupled world calls its truth of where all agents are: a row each, in natural order."""
 _LEAST_LATELY_NS = NANOSECONDS // 2
 _FRAMES_LATELY = 3
 _LOOKS = 200
@@ -67,18 +63,18 @@ class PlanView:
     """
 
     def __init__(self, record: Record) -> None:
+        if record.evaluated.places is None:
+            raise BadInput(
+                "the agents of this run have no places, so there is no plan view of it: "
+                "take a topology with positions, or a world in which agents move"
+            )
         self._record, self._plan = record, record.as_run
         self.last_ns = record.last_ns
-        self.agents = tuple(sorted((agent.name for agent in self._plan.agents), key=natural_key))
-        self._place = self._places()
+        self._true, self.agents = record.evaluated.places, record.evaluated.places.names
+        self._views, self._followed_places = record.evaluated.views, record.evaluated.followed
         everywhere = self._positions(0, self.last_ns, _LOOKS)
         apart, travelled = np.ptp(everywhere, axis=1).max(), np.ptp(everywhere.mean(axis=1), axis=0).max()
         self.follows = bool(travelled > apart > 0.0)
-        reports = {quantity: record.estimates(quantity) for quantity in record.quantities()}
-        self._reports = {
-            agent: {quantity: mine[agent] for quantity, mine in reports.items() if agent in mine}
-            for agent in self.agents
-        }
         self._deaths = dict(_deaths(record))
         outcomes = {link: sorted(_outcomes(mine)) for link, mine in frame_fates(record).items()}
         self.lately_ns = _lately(outcomes.values())
@@ -86,25 +82,19 @@ class PlanView:
 
     # -- where they are -------------------------------------------------------------------------------------------
 
-    def _places(self) -> Callable[[int], Mapping[str, Floats]]:
-        """Of all agents at an instant: as a world wrote down, as one tells that moves them, or as the topology has."""
-        written, world = self._record.world_reports.get(POSITIONS), moving(self._plan.world)
-        if written is not None:
-            return lambda time_ns: _interpolated(written, self.agents, time_ns)
-        if world is not None:
-            return lambda time_ns: {agent: world.position(agent, time_ns)[:2] for agent in self.agents}
-        fixed = {agent.name: np.array(agent.position[:2]) for agent in self._plan.agents if agent.position is not None}
-        if len(fixed) < len(self.agents):
-            raise BadInput(
-                "the agents of this run have no places, so there is no plan view of it: "
-                "take a topology with positions, or a world in which agents move"
-            )
-        return lambda _: fixed
+    def _place(self, time_ns: int) -> Floats:
+        """Of all agents, in natural order, (N, 2) [m]: on the straight line between the instants that are known."""
+        times = self._true.time_ns
+        after = int(np.clip(np.searchsorted(times, time_ns), 1, max(1, len(times) - 1)))
+        first, last = after - 1, min(after, len(times) - 1)
+        share = float(np.clip((time_ns - times[first]) / max(1, times[last] - times[first]), 0.0, 1.0))
+        here, there = self._true.places[[first, last]]
+        return np.asarray(here + share * (there - here))
 
     def _positions(self, from_ns: int, until_ns: int, count: int) -> Floats:
         """Of all agents, in natural order, at so many instants of a span, (count, N, 2) [m]."""
         times = np.linspace(from_ns, until_ns, count).astype(np.int64).tolist()
-        return np.array([[places[agent] for agent in self.agents] for places in map(self._place, times)])
+        return np.array([self._place(time_ns) for time_ns in times])
 
     def path(self, from_ns: int, until_ns: int, count: int = 20) -> Floats:
         """Where all agents were in a span, as it is seen in a picture, (count, N, 2) [m], in natural order."""
@@ -121,46 +111,34 @@ class PlanView:
 
     # -- what they believe ----------------------------------------------------------------------------------------
 
-    def _latest(self, agent: str, time_ns: int) -> dict[str, tuple[int, Floats]]:
-        """Quantity → the sample of an agent's latest report of it, and what it reported."""
-        found = {}
-        for quantity, series in self._reports[agent].items():
-            row = int(np.searchsorted(series.time_ns, time_ns, side="right")) - 1
-            if row >= 0:
-                found[quantity] = int(series.sample[row]), series.value[row]
-        return found
-
     def _view(self, agent: str, true: Mapping[str, Floats], centre: Floats, time_ns: int) -> View | None:
         """What an agent believes, from the centre, and shifted to fit what is true where it may be shifted."""
-        latest = {quantity: value for quantity, (_, value) in self._latest(agent, time_ns).items()}
-        view = find(self._plan.agent(agent).kind).view(self._plan, latest)
-        if view is None:
+        if (of := self._views.get(agent)) is None or (row := of.row(time_ns)) < 0:
             return None
+        believed = dict(_known(of, row))
         shift = -centre
-        if view.relative:
-            known = [true[name] - place[:2] for name, place in view.places.items() if name in true]
+        if of.relative[row]:
+            known = [true[name] - place for name, place in believed.items() if name in true]
             shift = np.mean(known, axis=0) if known else shift
-        places = {name: place[:2] + shift for name, place in view.places.items() if np.isfinite(place[:2]).all()}
-        return View(places, {name: view.covariances[name] for name in places if name in view.covariances})
+        covariances = {
+            name: covariance
+            for name, covariance in zip(of.names, of.covariances[row], strict=False)
+            if name in believed and not np.isnan(covariance).all()
+        }
+        return View({name: place + shift for name, place in believed.items()}, covariances)
 
     def _followed(self, time_ns: int) -> Mapping[str, Floats]:
-        """What is no agent, at its true place: where the truth of what the first agent reported has it."""
-        kind, latest = find(self._plan.agent(self.agents[0]).kind), self._latest(self.agents[0], time_ns)
-        truths = {
-            quantity: truth
-            for quantity, (sample, _) in latest.items()
-            if (truth := kind.truth(self._plan, quantity, sample, time_ns)) is not None
-        }
-        view = kind.view(self._plan, truths)
-        return {} if view is None else {n: place[:2] for n, place in view.places.items() if n not in self.agents}
+        """What is no agent, at its true place."""
+        of = self._followed_places
+        return {} if of is None or (row := of.row(time_ns)) < 0 else dict(_known(of, row))
 
     # -- all of it ------------------------------------------------------------------------------------------------
 
     def picture(self, time_ns: int) -> Picture:
         """What is to be seen at an instant [ns]."""
         places, down = self._place(time_ns), frozenset(self._down(time_ns))
-        centre = np.mean(list(places.values()), axis=0) if self.follows else np.zeros(2)
-        true = {agent: place - centre for agent, place in places.items()}
+        centre = np.mean(places, axis=0) if self.follows else np.zeros(2)
+        true = dict(zip(self.agents, places - centre, strict=True))
         views = {agent: self._view(agent, true, centre, time_ns) for agent in self.agents if agent not in down}
         return Picture(
             time_ns,
@@ -233,10 +211,8 @@ def _lately(outcomes: Iterable[Sequence[tuple[int, bool]]]) -> int:
     return max(_LEAST_LATELY_NS, int(_FRAMES_LATELY * typical_ns))
 
 
-def _interpolated(written: Series, agents: Sequence[str], time_ns: int) -> Mapping[str, Floats]:
-    """Places between those that a world wrote down."""
-    after = int(np.clip(np.searchsorted(written.time_ns, time_ns), 1, max(1, len(written.time_ns) - 1)))
-    rows = written.value[[after - 1, min(after, len(written.value) - 1)]].reshape(2, len(agents), -1)[:, :, :2]
-    begin_ns, end_ns = written.time_ns[after - 1], written.time_ns[min(after, len(written.time_ns) - 1)]
-    share = float(np.clip((time_ns - begin_ns) / max(1, end_ns - begin_ns), 0.0, 1.0))
-    return dict(zip(agents, rows[0] + share * (rows[1] - rows[0]), strict=True))
+def _known(of: Places, row: int) -> Iterator[tuple[str, Floats]]:
+    """Names and places of a row, those that are known."""
+    for name, place in zip(of.names, of.places[row], strict=True):
+        if np.isfinite(place).all():
+            yield name, place

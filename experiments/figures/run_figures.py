@@ -19,7 +19,7 @@ from ...transport.faults import LinkName
 from ...transport.links import NANOSECONDS
 from ..analysis.accounting import LinkAccount, link_account
 from ..analysis.ages import AgeCourse, age_courses, age_metrics
-from ..analysis.metrics import component_labels, courses
+from ..analysis.metrics import courses
 from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
 from ..record.samples import Samples, samples
@@ -70,7 +70,7 @@ def draw(
     Raises:
         BadInput: no such figure, format or quantity.
     """
-    names = list(which) or list(FIGURES if record.compared() else _OF_LINKS)
+    names = list(which) or list(FIGURES if record.evaluation and record.evaluation.compared() else _OF_LINKS)
     _check("figure", names, FIGURES)
     check_formats(formats)
     subject = _Subject(record, quantity)
@@ -119,7 +119,7 @@ class _Subject:
     @cached_property
     def seen(self) -> Samples:
         """The samples of the asked quantity, or of the first that there is."""
-        quantities = self.record.compared()
+        quantities = self.record.evaluated.compared()
         if not quantities:
             raise BadInput("no agent reported an estimate: there is nothing to draw but links")
         return samples(self.record, self._quantity or quantities[0])
@@ -162,7 +162,7 @@ def _draw(name: str, subject: _Subject, figure: Figure) -> None:
 def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS) -> None:
     """Every agent's estimate, the truth and the oracle over time, one panel for each of the first components."""
     count = seen.estimate.shape[2]
-    labels = component_labels(record, seen.quantity, count)[:most]
+    labels = seen.components[:most]
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     time_s = seen.time_ns / NANOSECONDS
     truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)

@@ -29,6 +29,19 @@ def vector_from_json(vector: Iterable[float | str]) -> list[float]:
     return [float(value) for value in vector]
 
 
+def row_to_json(row: Any) -> Any:
+    """A named tuple whose field `value`, if it has one, is a vector or None."""
+    value = getattr(row, "value", None)
+    return row if value is None else row._replace(value=vector_to_json(value))
+
+
+def row_from_json(kind: Any, fields: Iterable[Any]) -> Any:
+    """The named tuple that `row_to_json` was given."""
+    row = kind(*fields)
+    value = getattr(row, "value", None)
+    return row if value is None else row._replace(value=vector_from_json(value))
+
+
 def tag(value: Any) -> Any:
     """Plain values of any depth, with floats that are not finite as {"float": text}."""
     if isinstance(value, dict):

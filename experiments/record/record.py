@@ -7,21 +7,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...agents.journal import FRAME_ROWS, NOTED, Batch, Estimate
+from ...agents.journal import ENTRIES, FACT_ROWS, FRAME_ROWS, NOTED, Batch, Estimate
 from ...agents.plan import WORLD, Plan
-from ...agents.registry import find
 from ...errors import BadInput
 from ...topologies import natural_key
 from ...transport.faults import Fault, LinkName, from_plain, kills_of
-from .encoding import untag, vector_from_json
+from ..evaluation.evaluation import Series
+from ..evaluation.evaluation_result import EvaluationResult, load_evaluation
+from .encoding import row_from_json, untag, vector_from_json
 from .mcap_file import Entry, read
-from .recorder import ESTIMATES, EVENTS, FRAMES, RUN_EVENTS
-from .run_files import INFO_FILE, SCENARIO_FILE
+from .recorder import ESTIMATES, EVENTS, FACTS, FRAMES, RUN_EVENTS
+from .run_files import EVALUATION_FILE, EVALUATION_PROBLEM, INFO_FILE, SCENARIO_FILE
 
 INJECTED = "injected"
 """The cause of a death that a fault brought about."""
@@ -29,22 +30,12 @@ Life = tuple[str, int]
 """An agent and its incarnation."""
 
 
-class Series(NamedTuple):
-    """What one agent reported of one quantity, in order.
-
-    time_ns (n,) int64, nominal; sample (n,) int64, the index it was reported under; value (n, k) float64.
-    """
-
-    time_ns: NDArray[np.int64]
-    sample: NDArray[np.int64]
-    value: NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class Record:
     """One run. `batches` holds one batch for each agent and incarnation; `info` is what run.json says.
 
-    `recovered`: the record was cut off and mended, so what happened last may be missing from it.
+    `recovered`: the record was cut off and mended, so what happened last may be missing from it. `evaluation`: how the
+    run was judged; None if it was not yet, or could not be.
     """
 
     plan: Plan
@@ -52,6 +43,7 @@ class Record:
     events: Sequence[Mapping[str, Any]] = ()
     info: Mapping[str, Any] = field(default_factory=dict)
     recovered: bool = False
+    evaluation: EvaluationResult | None = None
 
     @cached_property
     def end_ns(self) -> int | None:
@@ -132,14 +124,36 @@ class Record:
         """What agents reported, in alphabetical order."""
         return tuple(sorted({estimate.quantity for batch in self.of_agents.values() for estimate in batch.estimates}))
 
-    def compared(self) -> tuple[str, ...]:
-        """Those of them that are estimates, and not what a class of agents reports aside."""
-        diagnostics = {name for agent in self.plan.agents for name in find(agent.kind).diagnostics}
-        return tuple(quantity for quantity in self.quantities() if quantity not in diagnostics)
+    @property
+    def not_evaluated(self) -> str:
+        """Why there is no evaluation, and what to do; empty where there is one."""
+        if self.evaluation is not None:
+            return ""
+        reason = self.info.get(EVALUATION_PROBLEM, "it was broken off before its end, or has been recovered")
+        return f"this run is not evaluated ({reason}): `volery evaluate RUN` does it"
+
+    @property
+    def evaluated(self) -> EvaluationResult:
+        """The evaluation.
+
+        Raises:
+            BadInput: there is none.
+        """
+        if self.evaluation is None:
+            raise BadInput(self.not_evaluated)
+        return self.evaluation
+
+    def truth(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
+        """Agent → what was true for each of its reports of a quantity, (n, k), NaN where that is not known."""
+        return self.evaluated.quantity(quantity).truth
+
+    def central(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
+        """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
+        return self.evaluated.quantity(quantity).central
 
     @cached_property
     def world_reports(self) -> dict[str, Series]:
-        """What a coupled world wrote down: quantity → its true values, or what an central_estimator estimated of it."""
+        """What a coupled world wrote down: quantity → its true values."""
         reports: dict[str, list[Estimate]] = {}
         for one in self.plan.world_agents:
             for estimate in self.batches.get((one.name, 0), Batch(one.name, 0)).estimates:
@@ -207,9 +221,8 @@ class Collector:
         """Take the entries of one agent, after those that came before."""
         life = (batch.agent, batch.incarnation)
         mine = self.batches.setdefault(life, Batch(*life))
-        mine.estimates += batch.estimates
         mine.events += batch.events
-        for name in FRAME_ROWS:
+        for name in ENTRIES:
             getattr(mine, name).extend(getattr(batch, name))
 
     def event(self, event: dict[str, Any]) -> None:
@@ -221,8 +234,13 @@ class Collector:
         return Record(plan, self.batches, tuple(self.events), info or {}, recovered)
 
 
-def load(folder: Path, plan: Plan | None = None) -> Record:
-    """The record of a run that was written to a folder; `plan`, where it is at hand, need not be read.
+def load(folder: Path, plan: Plan | None = None, *, evaluated: bool = True) -> Record:
+    """The record of a run that was written to a folder.
+
+    Args:
+        folder: of the run.
+        plan: where it is at hand, so that it need not be read.
+        evaluated: whether to read the evaluation too.
 
     Raises:
         BadInput: no run there, or a damaged file; the message says how to get at what is there.
@@ -231,7 +249,8 @@ def load(folder: Path, plan: Plan | None = None) -> Record:
 
     plan = load_scenario(folder / SCENARIO_FILE).plan if plan is None else plan
     collector, recovered = collect(folder)
-    return collector.record(plan, _info(folder), recovered=recovered)
+    record = collector.record(plan, _info(folder), recovered=recovered)
+    return replace(record, evaluation=load_evaluation(folder / EVALUATION_FILE)) if evaluated else record
 
 
 def collect(folder: Path) -> tuple[Collector, bool]:
@@ -257,6 +276,9 @@ def _batch(entry: Entry) -> Batch:
     if kind == ESTIMATES:
         value = vector_from_json(data["value"])
         batch.estimates.append(Estimate(entry.time_ns, data["quantity"], data["index"], value))
+    elif kind == FACTS:
+        for name, row in FACT_ROWS.items():
+            getattr(batch, name).extend(row_from_json(row, fields) for fields in data[name])
     elif kind == FRAMES:
         for name, row in FRAME_ROWS.items():
             getattr(batch, name).extend(row(*fields) for fields in data[name])

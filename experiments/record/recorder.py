@@ -1,8 +1,8 @@
 """Writes a run down as it happens: record.mcap, readable up to the last flush whatever ends the run.
 
-Topics: /agents/<name>/estimates, one message an estimate; /agents/<name>/frames, one message a batch, rows as arrays
-in the order of the fields of agents.journal; /agents/<name>/events; /run/events. Messages are JSON with a JSON Schema,
-their time is the nominal time in nanoseconds since the start of the run.
+Topics: /agents/<name>/estimates, one message an estimate; /agents/<name>/frames and /agents/<name>/facts, one message
+a batch, rows as arrays in the order of the fields of agents.journal; /agents/<name>/events; /run/events. Messages are
+JSON with a JSON Schema, their time is the nominal time in nanoseconds since the start of the run.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import IO, Any, Self
 
 from mcap.writer import Writer
 
-from ...agents.journal import FRAME_ROWS, Batch
+from ...agents.journal import FACT_ROWS, FRAME_ROWS, Batch
 from ...errors import BadInput
-from .encoding import dump, tag, vector_to_json
+from .encoding import dump, row_to_json, tag, vector_to_json
 from .run_files import RECORD_FILE
 
 PROFILE = "volery"
-ESTIMATES, FRAMES, EVENTS, RUN_EVENTS = "estimates", "frames", "events", "/run/events"
+ESTIMATES, FACTS, FRAMES, EVENTS, RUN_EVENTS = "estimates", "facts", "frames", "events", "/run/events"
 
 
 def _object(required: dict[str, Any]) -> dict[str, Any]:
@@ -41,6 +41,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
     ESTIMATES: _object(
         {"incarnation": _INTEGER, "quantity": _TEXT, "index": _INTEGER, "value": {"type": "array", "items": _NUMBER}}
     ),
+    FACTS: _object({"incarnation": _INTEGER, **{name: _rows(kind) for name, kind in FACT_ROWS.items()}}),
     FRAMES: _object({"incarnation": _INTEGER, **{name: _rows(kind) for name, kind in FRAME_ROWS.items()}}),
     EVENTS: _object({"incarnation": _INTEGER, "event": {"type": "object"}}),
     RUN_EVENTS: _object({"event": _TEXT}),
@@ -90,6 +91,9 @@ class Recorder:
         for time_ns, quantity, index, value in batch.estimates:
             estimate = {"quantity": quantity, "index": index, "value": vector_to_json(value)}
             self._write(f"{who}/{ESTIMATES}", ESTIMATES, time_ns, {"incarnation": batch.incarnation, **estimate})
+        if any(getattr(batch, name) for name in FACT_ROWS):
+            facts = {name: [row_to_json(row) for row in getattr(batch, name)] for name in FACT_ROWS}
+            self._write(f"{who}/{FACTS}", FACTS, _latest_fact_ns(batch), {"incarnation": batch.incarnation, **facts})
         rows = {name: getattr(batch, name) for name in FRAME_ROWS}
         if any(rows.values()):
             self._write(f"{who}/{FRAMES}", FRAMES, _latest_ns(batch), {"incarnation": batch.incarnation, **rows})
@@ -120,3 +124,8 @@ def _latest_ns(batch: Batch) -> int:
     times += [dropped.time_ns for dropped in batch.dropped] + [released.time_ns for released in batch.released]
     times += [arrived.handed_ns for arrived in batch.arrived]
     return max(times)
+
+
+def _latest_fact_ns(batch: Batch) -> int:
+    times = [taken.time_ns for taken in batch.samples] + [command.time_ns for command in batch.commands]
+    return max(times + [payload.time_ns for payload in batch.payloads])

@@ -18,6 +18,7 @@ from ...transport.links import LinkSettings
 from ...worlds.moving.motions import MovingWorld
 from ...worlds.scenario import MOVING, needs_places
 from ...worlds.scenario import build as build_world
+from ..evaluation.evaluation import evaluation_class
 from .consistency import inconsistencies
 from .expansion import expand
 from .fault_conflicts import conflicts
@@ -74,6 +75,11 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
             plan = couple(plan)
         except BadInput as error:
             problems.append(Problem(("topology",), str(error)))
+    try:
+        judges = {evaluation_class(agent.kind) for agent in plan.agents}
+        plan = replace(plan, keeps_payloads=any(judge.needs_payloads for judge in judges))
+    except BadInput as error:
+        problems.append(Problem(("agents",), str(error)))
     if not problems:
         problems = [*inconsistencies(plan), *conflicts(plan, scenario.faults)]
     return plan, problems

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from functools import partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ...agents.journal import Batch, Estimate
 from ...agents.plan import Plan
-from ...agents.registry import find
 from ...transport.faults import LinkName
+from ..evaluation.evaluation import Evaluation, evaluations
 from ..record.frame_fates import FATES, FateClass, FateCounts, is_lost
 from ..record.record import Record
-from ..record.samples import spread
 from ..twin import RecordSink
 
 
@@ -59,11 +58,15 @@ class Status:
             living = [agent for agent in self._plan.agents if agent.name in self.alive and agent.name in reported]
             values = [reported[agent.name].value for agent in living]
             if len(values) > 1 and len({len(value) for value in values}) == 1:
-                kind = find(living[0].kind)
-                if quantity not in kind.diagnostics:
-                    found = float(spread(np.array(values), partial(kind.difference, quantity)))
+                declared = self._evaluations[living[0].name].declared(quantity)
+                if declared.is_estimate:
+                    found = float(declared.disagreement(np.array(values)))
                     return None if math.isnan(found) else found
         return None
+
+    @cached_property
+    def _evaluations(self) -> dict[str, Evaluation]:
+        return evaluations(self._plan, {})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for `volery status`."""

@@ -23,6 +23,7 @@ from ...agents.registry import find
 from ...errors import BadInput, RunFailed
 from ...transport.faults import LinkFault
 from ...transport.media import HalfDuplex
+from ..evaluation.evaluation import evaluation_class
 from ..execution import Engine
 from ..record.machine import fingerprint
 from ..run_arrays import read_any
@@ -175,7 +176,9 @@ def plan_sweep(
         except BadInput as error:
             raise BadInput(_of_cell(str(error), axes, labels)) from error
         written = resolved_yaml(one.scenario)
-        modules |= {find(agent.kind).__module__ for agent in one.plan.agents} | set(_IMPORT_STRING.findall(written))
+        kinds = {agent.kind for agent in one.plan.agents}
+        modules |= {code.__module__ for kind in kinds for code in (find(kind), evaluation_class(kind))}
+        modules |= set(_IMPORT_STRING.findall(written))
         swept.append(SweptCell(labels, written, pairing(one.plan)))
         loaded.append(one)
     of_axes = tuple(map(_swept_axis, spanned(axes, cells)))

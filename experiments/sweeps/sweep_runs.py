@@ -57,7 +57,7 @@ def measure(record: Record) -> Values:
     metrics = compute_metrics(record)
     told = {f"findings.{one.name}": one.value for one in metrics.findings}
     found = {**dict(_of_quantities(metrics)), **dict(_of_links(record, metrics)), **told}
-    for quantity in metrics.quantities:
+    for quantity in record.evaluated.compared():
         if not all(np.isfinite(series.value).all() for series in record.estimates(quantity).values()):
             found.update({name: math.inf for name in found if name.startswith(f"{quantity}.")})
     return {name: None if math.isnan(value) else value for name, value in found.items()}

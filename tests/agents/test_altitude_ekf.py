@@ -120,7 +120,7 @@ def test_the_altitude_is_right_within_centimetres() -> None:
 def test_findings_are_what_the_run_shows() -> None:
     """Mean errors in centimetres, apart over the table, how consistent the filter is, and what became of the frames."""
     record = run(plan_of())
-    found = {finding.name: finding for finding in AltitudeEkf.findings(record.plan, record)}
+    found = {finding.name: finding for finding in record.evaluated.findings}
     seen = samples(record, "altitude")
     errors, over_table = 100 * altitude_errors(seen), seen.truth[:, 0, 1] > 0
     assert found["mean error of the altitude"].value == pytest.approx(errors.mean())
@@ -129,7 +129,7 @@ def test_findings_are_what_the_run_shows() -> None:
     assert 70 < found["altitude within two deviations"].value <= 100
     assert found["measurements at the hub"].text.startswith(f"{counts(record)['in order']:,.0f} in order, ")
     silent = run(plan_of(faults=[Kill("k", 0, None, "hub")], seconds=1))
-    assert AltitudeEkf.findings(silent.plan, silent) == []
+    assert silent.evaluated.findings == ()
 
 
 def test_the_oracle_is_the_filter_without_links() -> None:

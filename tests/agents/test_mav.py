@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from volery.agents.mav import central_estimator as mav_central_estimator
-from volery.agents.mav.findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.errors import BadInput
-from volery.experiments.analysis.metrics import component_labels, compute_metrics
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.evaluation import formation_estimator
+from volery.experiments.evaluation.evaluation import Series
+from volery.experiments.evaluation.mav_findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.load import load_scenario
@@ -66,9 +67,9 @@ def test_estimates_stand_beside_truth_and_centralised_filter() -> None:
 def test_the_centralised_filter_takes_many_sightings_in_parts_to_the_same_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine vehicles that see several each: in one update or in several, the estimates differ by rounding."""
     flight = ("mav9", "duration=1 s", NO_STEPS, NO_FAULTS)
-    apart = fly(*flight).world_reports["oracle formation"].value
-    monkeypatch.setattr(mav_central_estimator, "_AT_ONCE", 1_000)
-    together = fly(*flight).world_reports["oracle formation"].value
+    apart = fly(*flight).central("formation")["1"]
+    monkeypatch.setattr(formation_estimator, "_AT_ONCE", 1_000)
+    together = fly(*flight).central("formation")["1"]
     assert not np.array_equal(apart, together)
     assert np.abs(apart - together).max() < 1e-9
 
@@ -224,17 +225,13 @@ def test_frames_agree_better_with_consensus() -> None:
 def test_the_centre_is_pushed_by_differences_only() -> None:
     """Forces that sum to zero move nothing; a common one does, as ½ F/m t²."""
 
-    class Forces:
-        time_ns = np.arange(0, 2_000_000_001, 100_000_000)
-        sample = np.arange(21)
-
-        def __init__(self, force: float) -> None:
-            self.value = np.tile([force, 0.0, 0.0], (21, 1))
+    def forces(force: float) -> Series:
+        return Series(np.arange(0, 2_000_000_001, 100_000_000), np.arange(21), np.tile([force, 0.0, 0.0], (21, 1)))
 
     parameters = load_scenario("mav3").scenario.agents.parameters
-    _, still = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(-0.3)})
+    _, still = pushed_centre(parameters, {"1": forces(0.3), "2": forces(-0.3)})
     assert np.all(still == 0.0)
-    _, moved = pushed_centre(parameters, {"1": Forces(0.3), "2": Forces(0.3)})
+    _, moved = pushed_centre(parameters, {"1": forces(0.3), "2": forces(0.3)})
     np.testing.assert_allclose(moved[-1], [0.3 / 0.45 * 2.0, 0.0, 0.0], rtol=1e-12)
 
 
@@ -310,7 +307,8 @@ def test_parameters_read_back_equal(tmp_path: Path) -> None:
 def test_components_of_a_formation_are_named_as_they_are_stored() -> None:
     """Place and velocity of each vehicle from the next; differences of the true places are what the names say."""
     record = fly("mav3", "duration=1 s", NO_FAULTS)
-    labels = component_labels(record, "formation", 12)
+    components = {name: quantity.components for name, quantity in record.evaluated.quantities.items()}
+    labels = components["formation"]
     assert labels[0] == ("x of 1 from 2", "m", 1.0)
     assert [name for name, _, _ in labels[5:7]] == ["velocity z of 1 from 2", "x of 2 from 3"]
     assert [unit for _, unit, _ in labels] == (["m"] * 3 + ["m/s"] * 3) * 2
@@ -319,5 +317,5 @@ def test_components_of_a_formation_are_named_as_they_are_stored() -> None:
     places = record.world_reports["positions"].value[0].reshape(3, 3)
     truth = samples(record, "formation").truth[0, 0]
     np.testing.assert_allclose(truth[[0, 6]], [places[0, 0] - places[1, 0], places[1, 0] - places[2, 0]], atol=1e-12)
-    assert component_labels(record, "force", 3)[2] == ("force z", "N", 1.0)
-    assert component_labels(record, "covariance", 144)[0] == ("covariance [0]", "", 1.0)
+    assert components["force"][2] == ("force z", "N", 1.0)
+    assert components["covariance"][0] == ("covariance [0]", "", 1.0)

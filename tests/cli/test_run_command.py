@@ -37,7 +37,7 @@ def test_run_ends_with_metrics_verdict_and_folder(volery: Volery) -> None:
     assert "as asked: no late frame" in said.out
     assert lines[-1].split() == ["run", "runs/mine"]
     assert {path.name for path in Path("runs/mine").iterdir()} == {
-        *("scenario.yaml", "record.mcap", "metrics.json", "run.json")
+        *("scenario.yaml", "record.mcap", "evaluation.npz", "metrics.json", "run.json")
     }
 
 

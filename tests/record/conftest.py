@@ -13,6 +13,8 @@ from volery.agents.agent import Agent, Received, Timer
 from volery.agents.journal import Batch, Heard, Sent
 from volery.agents.payloads import decode, encode
 from volery.agents.plan import AgentPlan, Plan
+from volery.experiments.evaluation.evaluation import Component, Evaluation, Quantity
+from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import recorded
 from volery.transport.faults import Fault
@@ -26,10 +28,27 @@ PlanOf = Callable[..., Plan]
 RecordOf = Callable[..., Record]
 
 
+class AveragerEvaluation(Evaluation):
+    """Of estimates in millimetres and degrees."""
+
+    quantities = (Quantity("estimate", (Component("altitude", "mm", 1e3), Component("roll", "deg", 180 / np.pi))),)
+
+    def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
+        """The mean of all numbers."""
+        mean = float(np.mean([float(each.name) for each in self.plan.agents]))
+        return np.array([mean, -mean]) if quantity == "estimate" else None
+
+    def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
+        """The mean, wrong by one in the first component."""
+        mean = self.central_estimate(agent, quantity, index, time_ns)
+        return None if mean is None else np.array([1.0, 0.0]) + mean
+
+
 class Averager(Agent):
     """Averages its own number with what it heard last of its neighbours; its number is that of its name."""
 
     timers_only = True
+    evaluation = AveragerEvaluation
 
     def start(self) -> None:
         """Begin at once."""
@@ -50,22 +69,6 @@ class Averager(Agent):
         for neighbour in self.context.neighbours:
             self.context.send(neighbour, encode(self._value))
         self.context.set_timer(period_ns(RATE_HZ, timer.index + 1), index=timer.index + 1)
-
-    @classmethod
-    def oracle(cls, plan: Plan, quantity: str, index: int) -> NDArray[np.float64] | None:
-        """The mean of all numbers."""
-        mean = float(np.mean([float(agent.name) for agent in plan.agents]))
-        return np.array([mean, -mean]) if quantity == "estimate" else None
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> NDArray[np.float64] | None:
-        """The mean, wrong by one in the first component."""
-        return np.array([1.0, 0.0]) + cls.oracle(plan, quantity, index) if quantity == "estimate" else None
-
-    @classmethod
-    def labels(cls, plan: Plan, quantity: str) -> Sequence[tuple[str, str, float]]:
-        """In millimetres and degrees."""
-        return (("altitude", "mm", 1e3), ("roll", "deg", 180 / np.pi)) if quantity == "estimate" else ()
 
 
 def _plan(edges: Sequence[tuple[str, str]], duration_ms: int = 1000, **changes: Any) -> Plan:
@@ -107,7 +110,7 @@ def record_of(plan_of: PlanOf) -> RecordOf:
             collector(batch)
         for event in (*events, {"event": "finished", "time_ns": 1000 * MS}):
             collector.event(event)
-        return collector.record(plan_of([("1", "2")], faults=faults))
+        return evaluated(collector.record(plan_of([("1", "2")], faults=faults)))
 
     return make
 

@@ -6,7 +6,7 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
-from volery.agents.agent import Agent, Timer, View
+from volery.agents.agent import Agent, Timer
 from volery.agents.journal import Batch, Estimate
-from volery.agents.plan import WORLD, AgentPlan, Plan
+from volery.agents.plan import WORLD, AgentPlan
 from volery.errors import BadInput
+from volery.experiments.evaluation.evaluation import Evaluation, Quantity, View
 from volery.experiments.figures.animation import animate, draw_picture, still
 from volery.experiments.figures.plan_view import Carries, PlanView
+from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
 from volery.worlds.moving.motions import MovingWorld, Paths
@@ -30,11 +32,30 @@ Floats = NDArray[np.float64]
 Make = Callable[..., Any]
 
 
+class Survey(Evaluation):
+    """Two places, and the spread of one of them."""
+
+    quantities = (Quantity("spread", is_estimate=False),)
+    relative = False
+
+    def view(self, reports: Mapping[str, Floats]) -> View | None:
+        """What it says, the spread for itself only."""
+        if "places" not in reports:
+            return None
+        here, there = reports["places"].reshape(2, 2)
+        return View({"1": here, "2": there}, {"1": reports["spread"].reshape(2, 2)}, self.relative)
+
+
+class RelativeSurvey(Survey):
+    """The same, but it knows of no origin."""
+
+    relative = True
+
+
 class Surveyor(Agent):
     """Says each 100 ms that itself is at (t, 1) and the other at (t, 3), t in seconds, known to 0.2 m and 0.1 m."""
 
-    relative = False
-    diagnostics = frozenset({"spread"})
+    evaluation: ClassVar[type] = Survey
 
     def start(self) -> None:
         """Begin at once."""
@@ -47,19 +68,11 @@ class Surveyor(Agent):
         self.context.report("spread", [0.04, 0.0, 0.0, 0.01], timer.index)
         self.context.set_timer((timer.index + 1) * 100 * MS, index=timer.index + 1)
 
-    @classmethod
-    def view(cls, plan: Plan, reports: Mapping[str, Floats]) -> View | None:
-        """What it says, the spread for itself only."""
-        if "places" not in reports:
-            return None
-        here, there = reports["places"].reshape(2, 2)
-        return View({"1": here, "2": there}, {"1": reports["spread"].reshape(2, 2)}, cls.relative)
-
 
 class Relative(Surveyor):
     """The same, but it knows of no origin."""
 
-    relative = True
+    evaluation = RelativeSurvey
 
 
 PATHS = Paths({"1": ((0, (0.0, 0.0)), (1000 * MS, (10.0, 0.0))), "2": ((0, (0.0, 4.0)),)})
@@ -99,24 +112,28 @@ def test_relative_beliefs_are_shifted_to_fit(surveyed: Make) -> None:
     assert near(places["2"], (2.75, 3.0))
 
 
+class MarkEvaluation(Evaluation):
+    """Of a place."""
+
+    def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> Floats:
+        """Where it was at the report of this index."""
+        return np.array([index / 10, 2.0])
+
+    def view(self, reports: Mapping[str, Floats]) -> View | None:
+        """One place."""
+        return View({"mark": reports["mark"]}, {"mark": np.eye(2)}) if "mark" in reports else None
+
+
 class Lookout(Surveyor):
     """Reports as `mark` that a mark is at (t, 1) where it is at (t, 2), and at an infinite place from 0.5 s on."""
+
+    evaluation = MarkEvaluation
 
     def on_timer(self, timer: Timer) -> None:
         """Report it, and come back."""
         t = timer.time_ns / 1e9
         self.context.report("mark", [t if t < 0.5 else np.inf, 1.0], timer.index)
         self.context.set_timer((timer.index + 1) * 100 * MS, index=timer.index + 1)
-
-    @classmethod
-    def truth(cls, plan: Plan, quantity: str, index: int, time_ns: int) -> Floats:
-        """Where it was at the report of this index."""
-        return np.array([index / 10, 2.0])
-
-    @classmethod
-    def view(cls, plan: Plan, reports: Mapping[str, Floats]) -> View | None:
-        """One place."""
-        return View({"mark": reports["mark"]}, {"mark": np.eye(2)}) if "mark" in reports else None
 
 
 def test_what_agents_follow_is_seen_at_its_true_place(surveyed: Make) -> None:
@@ -159,7 +176,7 @@ def test_places_in_a_coupled_world_are_those_that_it_wrote_down(placed: Record) 
     """Rows of `positions`, in natural order, and between two of them on the straight line."""
     plan = replace(placed.plan, world_agents=(AgentPlan(WORLD, "coupled-world", None, (), {}),))
     written = [Estimate(ms * MS, "positions", ms, [ms, 0.0, 9.0, 5.0, 5.0, 9.0]) for ms in (100, 200)]
-    view = PlanView(Record(plan, {(WORLD, 0): Batch(WORLD, 0, estimates=written)}, placed.events, {}, False))
+    view = PlanView(evaluated(Record(plan, {(WORLD, 0): Batch(WORLD, 0, estimates=written)}, placed.events)))
     for ms, x in ((0, 100.0), (125, 125.0), (200, 200.0), (900, 200.0)):
         assert near(view.picture(ms * MS).true["1"], (x, 0.0))
         assert near(view.picture(ms * MS).true["2"], (5.0, 5.0))
@@ -208,7 +225,7 @@ def placed(record_of: Make, sent: Make, heard: Make) -> Record:
         replace(agent, position=place)
         for agent, place in zip(record.plan.agents, ((0.0, 0.0), (3.0, 4.0)), strict=True)
     )
-    return replace(record, plan=replace(record.plan, agents=agents))
+    return evaluated(replace(record, plan=replace(record.plan, agents=agents)))
 
 
 def test_links_by_what_became_of_their_frames_of_late(placed: Record) -> None:

@@ -86,15 +86,16 @@ def test_names_of_faults_stand_apart_and_within_the_panel(plan_of: Make, twin_ru
     assert max(box.x1 for box in boxes) <= axes.bbox.x1
 
 
-def test_of_many_components_the_first_are_drawn_and_their_number_is_said(
-    record: Record, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_many_components_the_first_are_drawn_and_their_number_is_said(record: Record) -> None:
     """Those of a formation of thirty would be a figure as long as a house."""
     seen = samples(record, "estimate")
     wide = replace(
-        seen, estimate=np.tile(seen.estimate, 10), oracle=np.tile(seen.oracle, 10), truth=np.tile(seen.truth, 10)
+        seen,
+        components=10 * seen.components,
+        estimate=np.tile(seen.estimate, 10),
+        oracle=np.tile(seen.oracle, 10),
+        truth=np.tile(seen.truth, 10),
     )
-    monkeypatch.setattr(figures, "component_labels", lambda _record, _quantity, count: [("x", "", 1.0)] * count)
     figure = Figure()
     figures.draw_estimates(record, wide, figure)
     assert len(figure.axes) == 12

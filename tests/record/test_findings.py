@@ -8,18 +8,34 @@ from collections.abc import Callable, Sequence
 
 from rich.console import Console
 
-from volery.agents.agent import Agent, Finding, RunData, Timer
+from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.analysis.metric_tables import metrics_tables
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
+from volery.experiments.evaluation.evaluation import Evaluation, Finding, Quantity, RunData
 from volery.experiments.record.record import Record
 from volery.units import period_ns
+
+
+class CounterEvaluation(Evaluation):
+    """Doubts are no estimates."""
+
+    quantities = (Quantity("doubt", is_estimate=False),)
+
+    def findings(self, run: RunData) -> Sequence[Finding]:
+        """The largest count, and that it was counted."""
+        most = max(float(mine.value.max()) for mine in run.estimates("count").values())
+        return [
+            Finding("largest count", most, "times"),
+            Finding("thousandths", 1000 * most + 876),
+            Finding("counting", text=f"{len(self.plan.agents)} agents counted"),
+        ]
 
 
 class Counter(Agent):
     """Counts its timers, notes every third, and reports its doubts aside."""
 
-    diagnostics = frozenset({"doubt"})
+    evaluation = CounterEvaluation
 
     def start(self) -> None:
         """Begin."""
@@ -32,16 +48,6 @@ class Counter(Agent):
         if timer.index % 3 == 0:
             self.context.note("third", count=timer.index)
         self.context.set_timer(period_ns(10.0, timer.index + 1), index=timer.index + 1)
-
-    @classmethod
-    def findings(cls, plan: Plan, run: RunData) -> Sequence[Finding]:
-        """The largest count, and that it was counted."""
-        most = max(float(mine.value.max()) for mine in run.estimates("count").values())
-        return [
-            Finding("largest count", most, "times"),
-            Finding("thousandths", 1000 * most + 876),
-            Finding("counting", text=f"{len(plan.agents)} agents counted"),
-        ]
 
 
 def _printed(metrics: Metrics) -> str:

@@ -232,6 +232,6 @@ def test_estimates_of_several_lives_follow_each_other(record_of: Make) -> None:
 
 def test_quantity_that_changes_its_length_is_refused(record_of: Make) -> None:
     """The message names the agent and both lengths."""
-    record: Record = record_of(Batch("1", 0, [Estimate(1, "x", 0, [1.0])]), Batch("2", 0, [Estimate(1, "x", 0, [])]))
+    batches = Batch("1", 0, [Estimate(1, "x", 0, [1.0])]), Batch("2", 0, [Estimate(1, "x", 0, [])])
     with pytest.raises(BadInput, match=r"agent 2 reported 'x' with 0 components.*others have 1"):
-        record.estimates("x")
+        record_of(*batches)

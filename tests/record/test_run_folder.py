@@ -13,6 +13,7 @@ from volery.experiments.analysis.export import write
 from volery.experiments.analysis.metrics import write_metrics
 from volery.experiments.figures.run_figures import draw
 from volery.experiments.figures.space_time import plot_space_time
+from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
 from volery.experiments.record.record import Collector, load
 from volery.experiments.record.recorder import Recorder
 from volery.experiments.scenario.load import load_scenario
@@ -28,6 +29,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "run.json").write_text('{"engine": "twin"}', "utf-8")
     with Recorder(tmp_path) as recorder:
         Twin(loaded.plan, recorder).run()
+    evaluate_run(load(tmp_path, evaluated=False), tmp_path)
     return tmp_path
 
 
@@ -61,7 +63,7 @@ def test_run_without_estimates_has_a_figure_of_its_links(folder: Path) -> None:
     (folder / "record.mcap").unlink()
     with Recorder(folder) as recorder:
         recorder.event({"event": "finished", "time_ns": 0})
-    record = load(folder)
+    record = evaluated(load(folder, evaluated=False))
     assert draw(record, (), folder, ["png"]) == [folder / name for name in ("links.png", "age.png")]
     assert plot_space_time(record, folder, formats=["png"]) == [folder / "space-time.png"]
 

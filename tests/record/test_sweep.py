@@ -285,20 +285,21 @@ def test_paired_channels_meet_senders_of_more_rounds(tmp_path: Path) -> None:
 def test_an_agent_of_ones_own(tmp_path: Path) -> None:
     """What it finds has columns, estimates that are no numbers make errors infinite, its code is part of the sweep."""
     (tmp_path / "diverging.py").write_text(
-        "from volery.agents import agent\n\n\n"
+        "from volery.agents import agent\n"
+        "from volery.experiments.evaluation.evaluation import Evaluation, Finding\n\n\n"
+        "class Judge(Evaluation):\n"
+        "    def findings(self, run):\n"
+        "        return [Finding('NEES, mean', 3.0, 'm/s'), Finding('only words', text='…')]\n\n"
+        "    def central_estimate(self, agent, quantity, index, time_ns):\n"
+        "        return 1.0\n\n\n"
         "class Diverging(agent.Agent):\n"
-        "    timers_only = True\n\n"
+        "    timers_only = True\n"
+        "    evaluation = Judge\n\n"
         "    def start(self):\n"
         "        self.context.set_timer(0)\n\n"
-        "    @classmethod\n"
-        "    def findings(cls, plan, run):\n"
-        "        return [agent.Finding('NEES, mean', 3.0, 'm/s'), agent.Finding('only words', text='…')]\n\n"
         "    def on_timer(self, timer):\n"
         "        self.context.report('x', float('nan') if timer.index == 3 else 1.0, timer.index)\n"
-        "        self.context.set_timer(timer.time_ns + 10_000_000, index=timer.index + 1)\n\n"
-        "    @classmethod\n"
-        "    def oracle(cls, plan, quantity, index):\n"
-        "        return 1.0\n",
+        "        self.context.set_timer(timer.time_ns + 10_000_000, index=timer.index + 1)\n",
         "utf-8",
     )
     scenario = tmp_path / "own.yaml"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.plan import Plan
 from volery.errors import BadInput
+from volery.experiments.evaluation.evaluation import Evaluation, Finding, RunData, Series
 from volery.randomness import stream
 
 Floats = NDArray[np.float64]
@@ -83,11 +84,12 @@ class RunningCarts:
         return found
 
 
-class CentralEstimator:
-    """Knows all gauges, and how often anybody pushed."""
+class CartEvaluation(Evaluation):
+    """The central estimator knows all gauges, and how often anybody pushed."""
 
-    def __init__(self, agents: tuple[str, ...]) -> None:
-        self._seen = dict.fromkeys(agents, np.nan)
+    def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:
+        super().__init__(plan, world_reports)
+        self._seen = dict.fromkeys((agent.name for agent in plan.agents), np.nan)
         self.pushes = 0
 
     def sampled(self, agent: str, sample: Sample) -> None:
@@ -99,13 +101,19 @@ class CentralEstimator:
         """Count it."""
         self.pushes += 1
 
-    def estimates(self, time_ns: int) -> Mapping[str, Floats]:
+    def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> Floats:
         """The gauges."""
-        return {"places": np.array(list(self._seen.values())), "pushes": np.array([self.pushes])}
+        return np.array(list(self._seen.values()))
+
+    def findings(self, run: RunData) -> Sequence[Finding]:
+        """How many pushes it was told of."""
+        return [Finding("pushes", self.pushes)]
 
 
 class Driver(Agent):
     """Pushes its cart towards the mean of the places it heard of; reports what it believes all places to be."""
+
+    evaluation = CartEvaluation
 
     def start(self) -> None:
         """Knows nothing yet."""
@@ -128,11 +136,6 @@ class Driver(Agent):
     def on_frame(self, frame: Received) -> None:
         """Take note."""
         self.places[frame.source] = float(np.frombuffer(frame.payload)[0])
-
-    @classmethod
-    def central_estimator(cls, plan: Plan) -> CentralEstimator:
-        """The gauges of all."""
-        return CentralEstimator(tuple(agent.name for agent in plan.agents))
 
 
 class SteadyDriver(Driver):

@@ -16,6 +16,7 @@ from volery.agents.plan import WORLD, Plan
 from volery.agents.sensor_samples import Disturbances, measured
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.verify import compare, replay
@@ -83,7 +84,9 @@ def test_commands_move_the_world_after_their_delays(loop: Callable[..., Plan], t
     assert gap[-1] < gap[0] - 0.05
 
 
-def test_truth_and_oracle_are_what_the_world_wrote_down(loop: Callable[..., Plan], twin_run: Twin) -> None:
+def test_truth_is_the_worlds_and_the_central_estimator_has_samples_and_commands(
+    loop: Callable[..., Plan], twin_run: Twin
+) -> None:
     """Estimates stand beside the true places of the same index, and beside what the central_estimator knew then."""
     record = twin_run(loop())
     assert record.quantities() == ("places",)
@@ -93,9 +96,13 @@ def test_truth_and_oracle_are_what_the_world_wrote_down(loop: Callable[..., Plan
     rows = [index[sample] for sample in seen.index.tolist()]
     for agent in range(3):
         np.testing.assert_array_equal(seen.truth[:, agent], record.world_reports["places"].value[rows])
-        np.testing.assert_array_equal(seen.oracle[:, agent], record.world_reports["oracle places"].value[rows])
     own = seen.estimate[:, [0, 1, 2], [0, 1, 2]]
     np.testing.assert_array_equal(own, seen.oracle[:, 0, :])
+    pushes = [(push.time_ns, push.agent) for push in record.batches[WORLD, 0].commands]
+    noted = [(note["time_ns"], note["cart"]) for note in record.notes if note["what"] == "pushed"]
+    assert 0 < len(noted) <= len(pushes)
+    assert pushes[: len(noted)] == noted
+    assert [finding.value for finding in record.evaluated.findings] == [len(pushes)]
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -135,7 +142,7 @@ def test_live_faults_in_closed_loops(seed: int, loop: Callable[..., Plan]) -> No
     network.start()
     network.deliver_some(100)
     network.inject(lambda at_ns: SensorFault("live", at_ns, None, "2", "gauge", "bias", (5.0,)))
-    record = network.finish()
+    record = evaluated(network.finish())
     assert list(compare(record, replay(record), 0.0)) == []
     own = samples(record, "places").estimate[:, 1, 1]
     assert own.max() > 5.0

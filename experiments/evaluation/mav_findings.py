@@ -8,15 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...agents.mav.mav_settings import MavParameters
+from ...agents.plan import Plan
 from ...estimators.error_measures import chi_square_bounds, nees
 from ...estimators.formation.assignment import observability
 from ...rotations import angle_between, conjugate, mean_quaternion, quaternion_product
 from ...transport.faults import Kill
-from ..agent import Finding, RunData, SeriesData
-from ..plan import Plan
-from .mav_settings import MavParameters
+from .evaluation import Finding, Floats, RunData, Series
 
-Floats = NDArray[np.float64]
 SETTLING_NS = 3_000_000_000
 """After a change of the reference the shape is not held against it for so long: the step takes 1.2 s to rise."""
 INDEPENDENT_NS = 1_000_000_000
@@ -46,7 +45,7 @@ def findings(plan: Plan, run: RunData) -> Sequence[Finding]:
 
 
 def shape_errors(
-    parameters: MavParameters, positions: SeriesData, dead: Mapping[int, Sequence[Kill]] | None = None
+    parameters: MavParameters, positions: Series, dead: Mapping[int, Sequence[Kill]] | None = None
 ) -> Floats:
     """How far each vehicle is from its place in the reference about the centre of those that live, (T, N) [m].
 
@@ -94,7 +93,7 @@ def _kills(run: RunData) -> list[Kill]:
 # -- estimates beside each other -----------------------------------------------------------------------------------
 
 
-def estimate_spread(estimates: Mapping[str, SeriesData], component: int = 0) -> tuple[NDArray[np.int64], Floats]:
+def estimate_spread(estimates: Mapping[str, Series], component: int = 0) -> tuple[NDArray[np.int64], Floats]:
     """Largest minus smallest estimate of one component among those who report it at an instant.
 
     Args:
@@ -124,7 +123,7 @@ def _spread(run: RunData) -> Iterator[Finding]:
 # -- the centre of gravity --------------------------------------------------------------------------------------------
 
 
-def pushed_centre(parameters: MavParameters, forces: Mapping[str, SeriesData]) -> tuple[NDArray[np.int64], Floats]:
+def pushed_centre(parameters: MavParameters, forces: Mapping[str, Series]) -> tuple[NDArray[np.int64], Floats]:
     """Where the vehicles' forces alone would have moved the centre of gravity, which a common estimate leaves alone.
 
     c̈ = Σ_i u_i / (N m), forces held from report to report, but no longer than `HELD_NS`.
@@ -180,13 +179,9 @@ def _frames(names: Sequence[str], run: RunData) -> Iterator[Finding]:
         return
     frames: dict[int, list[Floats]] = {}
     for name, mine in run.estimates("attitude").items():
-        truth = run.world_reports.get(f"attitude@{name}")
-        if truth is None:
-            return
-        known = dict(zip(truth.sample.tolist(), truth.value, strict=True))
-        for index, value in zip(mine.sample.tolist(), mine.value, strict=True):
-            if index in known:
-                frames.setdefault(index, []).append(quaternion_product(value, conjugate(known[index])))
+        for index, value, true in zip(mine.sample.tolist(), mine.value, run.truth("attitude")[name], strict=True):
+            if np.isfinite(true).all():
+                frames.setdefault(index, []).append(quaternion_product(value, conjugate(true)))
     angles = [
         angle_between(mean, each)
         for all_ in frames.values()
@@ -206,26 +201,24 @@ def mean_nees(run: RunData) -> tuple[float, float, float] | None:
 
     Reports at least `INDEPENDENT_NS` apart count, and those of one instant as one, since vehicles share what they know.
     """
-    truth = run.world_reports.get("formation")
-    if truth is None or not {"formation", "covariance"} <= set(run.quantities()):
+    if not {"formation", "covariance"} <= set(run.quantities()):
         return None
-    known = dict(zip(truth.sample.tolist(), truth.value, strict=True))
     means: dict[int, list[float]] = {}
     for name, spread in run.estimates("covariance").items():
         mine = run.estimates("formation")[name]
-        states = dict(zip(mine.sample.tolist(), mine.value, strict=True))
+        errors = mine.value - run.truth("formation")[name]
+        size = errors.shape[1]
+        known = {
+            index: error for index, error in zip(mine.sample.tolist(), errors, strict=True) if np.isfinite(error).all()
+        }
         last_ns = -INDEPENDENT_NS
         for time_ns, index, flat in zip(spread.time_ns.tolist(), spread.sample.tolist(), spread.value, strict=True):
-            if time_ns - last_ns < INDEPENDENT_NS or index not in states or index not in known:
-                continue
-            last_ns = time_ns
-            size = len(states[index])
-            value = float(nees(states[index] - known[index], flat.reshape(size, size))) / size
-            means.setdefault(index, []).append(value)
+            if time_ns - last_ns >= INDEPENDENT_NS and index in known:
+                last_ns = time_ns
+                means.setdefault(index, []).append(float(nees(known[index], flat.reshape(size, size))) / size)
     if not means:
         return None
-    low, high = chi_square_bounds(len(truth.value[0]), len(means))
-    size = len(truth.value[0])
+    low, high = chi_square_bounds(size, len(means))
     return float(np.mean([np.mean(values) for values in means.values()])), low / size, high / size
 
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..agent import View
-
-Floats = NDArray[np.float64]
+from .evaluation import Floats, View
 
 
 def formation_view(names: Sequence[str], state: Floats, covariance: Floats | None) -> View:

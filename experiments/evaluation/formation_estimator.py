@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ...agents.agent import Sample
+from ...agents.mav.mav_samples import CAMERA, IMU, frame_model, read_camera, read_imu, sightings
+from ...agents.mav.mav_settings import MavParameters
+from ...agents.plan import Plan
 from ...estimators.formation.filter import Observation, steps_to
 from ...estimators.frames.frame_consensus import FrameConsensus
 from ...rotations import rotate
-from ..agent import Sample
-from ..plan import Plan
-from .mav_samples import CAMERA, IMU, frame_model, read_camera, read_imu, sightings
-from .mav_settings import MavParameters
 
 _AT_ONCE = 20
 """Sightings in one update: with many more, their covariance costs more than that of the formation."""
@@ -41,10 +39,8 @@ class CentralisedFormation:
 
     def sampled(self, agent: str, sample: Sample) -> None:
         """Keep what was seen until all of the instant is there."""
-        if sample.value is None:
-            return
         frame = self._frames[agent]
-        if sample.sensor == IMU:
+        if sample.sensor == IMU and sample.value is not None:
             frame.predict(sample.time_ns)
             frame.update(**read_imu(sample.value))
         elif sample.sensor == CAMERA:
@@ -78,8 +74,8 @@ class CentralisedFormation:
             self._filter.update(self._seen[first : first + _AT_ONCE])
         self._seen = []
 
-    def estimates(self, time_ns: int) -> Mapping[str, NDArray[np.float64]]:
-        """The state of the formation now."""
+    def state(self, time_ns: int) -> NDArray[np.float64]:
+        """Of the formation at an instant, which is not before anything that was told."""
         self._go_on(time_ns)
         self._take_in()
-        return {"formation": self._filter.state}
+        return self._filter.state

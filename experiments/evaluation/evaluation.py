@@ -1,0 +1,252 @@
+"""How runs of a kind of agents are judged; nothing of it is known to the agents.
+
+An agent's class names its evaluation class. One object of it is made for a finished run, fed with all that was sensed,
+commanded and, if it asks, received, in the order of the events, and asked about each report.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...agents.agent import Received, Sample
+from ...agents.plan import Plan
+from ...agents.registry import find
+from ...errors import BadInput
+from ...estimators.error_measures import disagreement
+from ...names import imported_class
+from ...transport.faults import Fault
+
+Floats = NDArray[np.float64]
+
+
+class Series(NamedTuple):
+    """What one agent reported of one quantity, in order.
+
+    time_ns (n,) int64, nominal; sample (n,) int64, the index it was reported under; value (n, k) float64.
+    """
+
+    time_ns: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    value: Floats
+
+
+class Component(NamedTuple):
+    """One component of a quantity: name, unit for people, and factor from the stored value to that unit."""
+
+    name: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+class Difference(Protocol):
+    """By how much estimates (…, k) are off from a reference (…, k): (…, m), whose two-norm is the error."""
+
+    def __call__(self, estimate: Floats, reference: Floats, /) -> Floats:
+        """NaN stays NaN."""
+
+
+def subtracted(estimate: Floats, reference: Floats) -> Floats:
+    """The difference of vectors."""
+    with np.errstate(invalid="ignore"):  # of two that have diverged to infinity there is no difference
+        return np.asarray(estimate - reference)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What agents report under one name.
+
+    name: as in `context.report`.
+    components: in their order; () to number them.
+    is_estimate: whether there are errors of it; a diagnostic is for findings and exports only.
+    is_shared: whether all agents estimate one and the same thing, so that they can disagree.
+    difference: of an estimate from a reference, for what is no vector, such as attitudes.
+    difference_components: those of a difference, if they are others.
+    """
+
+    name: str
+    components: Sequence[Component] = ()
+    is_estimate: bool = True
+    is_shared: bool = True
+    difference: Difference = subtracted
+    difference_components: Sequence[Component] | None = None
+
+    def disagreement(self, estimates: Floats) -> Floats:
+        """Root mean square distance of agents to their mean, as seen from the first that has an estimate.
+
+        Args:
+            estimates: (…, N, k), rows of NaN for agents without one.
+        Returns:
+            Shape (…), NaN where each agent has its own.
+        """
+        if not self.is_shared:
+            return np.full(estimates.shape[:-2], np.nan)
+        first = np.argmin(np.isnan(estimates).any(axis=-1), axis=-1)
+        reference = np.take_along_axis(estimates, first[..., np.newaxis, np.newaxis], axis=-2)
+        return disagreement(self.difference(estimates, np.broadcast_to(reference, estimates.shape)))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that there is to say of a run: a number in its unit, a sentence, or both."""
+
+    name: str
+    value: float = math.nan
+    unit: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class View:
+    """Where an agent believes agents, or what they follow, to be: for pictures in plan view.
+
+    `places`: name → place, shape (2,) or more [m], of which the first two components are drawn. `covariances`: name →
+    covariance of these two, shape (2, 2) [m²], where it is known. `relative`: all of them may be shifted alike.
+    """
+
+    places: Mapping[str, Floats]
+    covariances: Mapping[str, Floats] = field(default_factory=dict)
+    relative: bool = False
+
+
+class RunData(Protocol):
+    """A run whose reports have been compared with truth and central estimate."""
+
+    @property
+    def last_ns(self) -> int:
+        """When it ended."""
+
+    @property
+    def faults_in_effect(self) -> Sequence[Fault]:
+        """The faults that came about, in the order of their starts."""
+
+    @property
+    def world_reports(self) -> Mapping[str, Series]:
+        """The true quantities that a coupled world wrote down."""
+
+    @property
+    def notes(self) -> Sequence[Mapping[str, Any]]:
+        """What was noted: {"agent": …, "what": …, "time_ns": …, …}."""
+
+    def quantities(self) -> Sequence[str]:
+        """What agents reported."""
+
+    def estimates(self, quantity: str) -> Mapping[str, Series]:
+        """Agent → its reports of a quantity."""
+
+    def truth(self, quantity: str) -> Mapping[str, Floats]:
+        """Agent → what was true for each of its reports, (n, k), NaN where that is not known."""
+
+    def central(self, quantity: str) -> Mapping[str, Floats]:
+        """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
+
+
+class Evaluation:
+    """Base of all evaluations: quantities are vectors of numbered components, nothing is known of their truth.
+
+    `quantities` declares what is reported; what is not declared is a plain estimate. `needs_payloads` asks for the
+    payloads of all delivered frames to be recorded, and told to `received`. `world_reports` is what a coupled world
+    wrote down of the truth.
+    """
+
+    quantities: Sequence[Quantity] = ()
+    needs_payloads: ClassVar[bool] = False
+
+    def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:
+        self.plan = plan
+        self.world_reports = world_reports
+
+    def declared(self, name: str) -> Quantity:
+        """The quantity of a name, a plain estimate where it is not declared."""
+        return next((quantity for quantity in self.quantities if quantity.name == name), Quantity(name))
+
+    # -- the central estimator: one that has everything that all agents have ------------------------------------
+
+    def sampled(self, agent: str, sample: Sample) -> None:
+        """An agent's sensor has taken a sample, with the sensor faults in it, stamped in nominal time."""
+
+    def commanded(self, agent: str, command: str, value: Floats, time_ns: int) -> None:
+        """A command to a coupled world takes effect."""
+
+    def received(self, agent: str, frame: Received) -> None:
+        """A frame was delivered to an agent."""
+
+    def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> ArrayLike | None:
+        """What the central estimator says of what an agent reports; None where it says nothing.
+
+        It has been fed everything up to the instant, which is `instant` of the report; instants ascend.
+        """
+        return None
+
+    # -- reports --------------------------------------------------------------------------------------------------
+
+    def instant(self, agent: str, quantity: str, index: int, time_ns: int) -> int:
+        """The instant that a report made at `time_ns` is about.
+
+        That of the truth of this index in a coupled world that writes it down, else that of the report itself.
+        """
+        found = self._world_row(agent, quantity, index)
+        return time_ns if found is None else int(found[0].time_ns[found[1]])
+
+    def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> ArrayLike | None:
+        """The true value of what an agent reports, at the instant that the report is about; None if it is not known.
+
+        By default what a coupled world wrote down under this index, as `QUANTITY@AGENT` or `QUANTITY`.
+        """
+        found = self._world_row(agent, quantity, index)
+        return None if found is None else found[0].value[found[1]]
+
+    def _world_row(self, agent: str, quantity: str, index: int) -> tuple[Series, int] | None:
+        for name in (f"{quantity}@{agent}", quantity):
+            if (series := self.world_reports.get(name)) is not None:
+                row = int(np.searchsorted(series.sample, index))
+                return (series, row) if row < len(series.sample) and series.sample[row] == index else None
+        return None
+
+    # -- the run ----------------------------------------------------------------------------------------------------
+
+    def view(self, reports: Mapping[str, Floats]) -> View | None:
+        """Where an agent believes agents to be, or what they follow, by its latest reports; None if it does not say.
+
+        Given true values in the place of what was reported, it says where that is which they follow.
+        """
+        return None
+
+    def findings(self, run: RunData) -> Sequence[Finding]:
+        """What there is to say of a run beyond the errors of each quantity."""
+        return ()
+
+
+def evaluation_class(kind: str) -> type[Evaluation]:
+    """The evaluation class that a kind of agents names.
+
+    Raises:
+        BadInput: no such kind, module or class, or not a subclass of Evaluation.
+    """
+    named, what = find(kind).evaluation, f"evaluation of agent kind {kind!r}"
+    if isinstance(named, str):
+        return imported_class(named, Evaluation, what)
+    if not issubclass(named, Evaluation):
+        raise BadInput(f"{what} is {named!r}, not a subclass of {Evaluation.__module__}.{Evaluation.__qualname__}")
+    return named
+
+
+def evaluations(plan: Plan, world_reports: Mapping[str, Series]) -> dict[str, Evaluation]:
+    """Agent → the evaluation of its kind, one object a class.
+
+    Raises:
+        BadInput: as `evaluation_class`.
+    """
+    made: dict[type[Evaluation], Evaluation] = {}
+    found = {}
+    for agent in plan.agents:
+        judge = evaluation_class(agent.kind)
+        if judge not in made:
+            made[judge] = judge(plan, world_reports)
+        found[agent.name] = made[judge]
+    return found

@@ -1,0 +1,172 @@
+"""The evaluation of a run: one pass over its record in the order of events, nominal stamps, sensor faults applied.
+
+At one instant commands take effect first, then come delivered frames, samples in the order of the plan, and then
+questions about reports. What was sensed or sent by nobody, as by the dead, is not in the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from operator import methodcaller
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...agents.agent import Received, Sample
+from ...errors import BadInput
+from ..evaluation.evaluation import Component, Evaluation, Floats, Quantity, Series, evaluations
+from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
+from .places import Reports, followed_places, true_places, view_places
+from .record import Record
+from .run_files import EVALUATION_FILE
+from .side_by_side import side_by_side, take
+
+_COMMAND, _PAYLOAD, _SAMPLE, _REPORT = range(4)
+
+
+class _Step(NamedTuple):
+    """Something to tell or to ask evaluations: its instant, and its place among all of that instant."""
+
+    time_ns: int
+    place: tuple[int, int, int]
+    judges: tuple[Evaluation, ...]
+    act: Callable[[Evaluation], None]
+
+
+class _References(NamedTuple):
+    """What is known about the reports of one agent, (n, k) each."""
+
+    truth: Floats
+    central: Floats
+
+
+_Known = Mapping[str, Mapping[str, _References]]
+
+
+def evaluated(record: Record) -> Record:
+    """The record with its evaluation; what an evaluation class raises goes through.
+
+    Raises:
+        BadInput: reports that differ in length, components or references of another length than the reports.
+    """
+    judges = evaluations(record.as_run, record.world_reports)
+    reports = {quantity: record.estimates(quantity) for quantity in record.quantities()}
+    known = {
+        quantity: {agent: _References(*np.full((2, *mine.value.shape), np.nan)) for agent, mine in series.items()}
+        for quantity, series in reports.items()
+    }
+    steps = [*_facts(record, tuple(dict.fromkeys(judges.values()))), *_questions(judges, reports, known)]
+    for step in sorted(steps, key=lambda step: step[:2]):
+        for judge in step.judges:
+            step.act(judge)
+    quantities = {
+        quantity: _judged(record, judges[next(iter(series))].declared(quantity), series, known[quantity])
+        for quantity, series in reports.items()
+    }
+    compared = replace(record, evaluation=EvaluationResult(quantities))
+    result = EvaluationResult(
+        quantities,
+        tuple(finding for judge in dict.fromkeys(judges.values()) for finding in judge.findings(compared)),
+        true_places(record),
+        view_places(reports, judges),
+        followed_places(reports, {name: one.truth for name, one in quantities.items()}, judges),
+    )
+    return replace(record, evaluation=result)
+
+
+def evaluate_run(record: Record, folder: Path) -> Record:
+    """The record with its evaluation, which is left in the folder of the run; raises as `evaluated` does."""
+    found = evaluated(record)
+    save_evaluation(found.evaluated, folder / EVALUATION_FILE)
+    return found
+
+
+# -- the pass ---------------------------------------------------------------------------------------------------------
+
+
+def _facts(record: Record, judges: tuple[Evaluation, ...]) -> Iterator[_Step]:
+    """What every evaluation is told."""
+    order = {agent.name: number for number, agent in enumerate(record.plan.all_agents)}
+    world = record.plan.world or record.plan.coupled
+    for (agent, _), batch in record.batches.items():
+        for number, (time_ns, source, command, value) in enumerate(batch.commands):
+            tell = methodcaller("commanded", source, command, np.array(value, dtype=np.float64), time_ns)
+            yield _Step(time_ns, (_COMMAND, number, 0), judges, tell)
+        for number, (time_ns, source, content) in enumerate(batch.payloads):
+            tell = methodcaller("received", agent, Received(source, bytes.fromhex(content), time_ns))
+            yield _Step(time_ns, (_PAYLOAD, order[agent], number), judges, tell)
+        sensors = list(world.sensors(agent)) if world is not None and batch.samples else []
+        for sensor, index, time_ns, shape, flat in batch.samples:
+            seen = None if flat is None else np.array(flat, dtype=np.float64).reshape(shape)
+            tell = methodcaller("sampled", agent, Sample(sensor, index, time_ns, seen))
+            yield _Step(time_ns, (_SAMPLE, order[agent], sensors.index(sensor)), judges, tell)
+
+
+def _questions(judges: Mapping[str, Evaluation], reports: Reports, known: _Known) -> Iterator[_Step]:
+    """What is true, and what the central estimator says, of each report, at the instant that it is about."""
+    for quantity, series in reports.items():
+        for agent, mine in series.items():
+            judge = judges[agent]
+            for row, (index, time_ns) in enumerate(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True)):
+                instant_ns = judge.instant(agent, quantity, index, time_ns)
+                ask = partial(_ask, known[quantity][agent], row, (agent, quantity, index, instant_ns))
+                yield _Step(instant_ns, (_REPORT, 0, 0), (judge,), ask)
+
+
+def _ask(known: _References, row: int, report: tuple[str, str, int, int], judge: Evaluation) -> None:
+    agent, quantity, *_ = report
+    for what, references, value in (
+        ("truth", known.truth, judge.truth(*report)),
+        ("central estimate", known.central, judge.central_estimate(*report)),
+    ):
+        if value is not None:
+            references[row] = _fitting(value, references.shape[1], f"{what} of {quantity!r} of agent {agent}")
+
+
+def _fitting(value: ArrayLike, width: int, what: str) -> Floats:
+    flat = np.asarray(value, dtype=np.float64).ravel()
+    if len(flat) != width:
+        raise BadInput(f"{what} has {len(flat)} components, the agents report {width}")
+    return flat
+
+
+# -- what follows of each quantity ------------------------------------------------------------------------------------
+
+
+def _judged(
+    record: Record, quantity: Quantity, series: Mapping[str, Series], known: Mapping[str, _References]
+) -> EvaluatedQuantity:
+    time_ns, index, rows = side_by_side(series, record.faults)
+    truth_difference = {agent: quantity.difference(mine.value, known[agent].truth) for agent, mine in series.items()}
+    central_difference = {
+        agent: quantity.difference(mine.value, known[agent].central) for agent, mine in series.items()
+    }
+    first = next(iter(series))
+    width, apart = series[first].value.shape[1], truth_difference[first].shape[1]
+    own = quantity.difference_components
+    return EvaluatedQuantity(
+        _numbered(quantity.name, quantity.components, width),
+        _numbered(quantity.name, quantity.components if own is None else own, apart),
+        quantity.is_estimate,
+        time_ns,
+        index,
+        rows,
+        {agent: one.truth for agent, one in known.items()},
+        {agent: one.central for agent, one in known.items()},
+        truth_difference,
+        central_difference,
+        quantity.disagreement(np.stack([take(series[agent].value, rows[agent]) for agent in series], axis=1)),
+    )
+
+
+def _numbered(name: str, components: Sequence[Component], count: int) -> tuple[Component, ...]:
+    """The components that are declared, numbered where none are."""
+    if not components:
+        return tuple(Component(f"{name} [{number}]" if count > 1 else name) for number in range(count))
+    if len(components) != count:
+        raise BadInput(f"{name!r} is declared with {len(components)} components, and has {count}")
+    return tuple(components)
