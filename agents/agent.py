@@ -17,7 +17,7 @@ from ..randomness import Stream, stream
 from ..transport.media import AIR
 
 if TYPE_CHECKING:
-    from .plan import Plan
+    from .plan import Plan, PublicPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,8 +324,8 @@ class Agent:
         """Take up what `save` gave in the life before; called after `start`, which has set timers anew."""
 
     @classmethod
-    def briefing(cls, plan: Plan, name: str) -> Any:
-        """What an agent of this name is told before the start, worked out from the whole plan, such as weights."""
+    def briefing(cls, plan: PublicPlan, name: str) -> Any:
+        """What an agent is told before the start, worked out from all agents and links, such as weights."""
         return None
 
     @classmethod

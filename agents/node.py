@@ -106,7 +106,7 @@ class Node:
             plan.seed,
             swarm=tuple(agent.name for agent in plan.agents),
             position=me.position,
-            briefing=kind.briefing(plan, name),
+            briefing=kind.briefing(plan.public, name),
             commands_world=WORLD in me.wired,
             outlet_of=self.sender.outlet_of,
             mtus=self.sender.mtus,

@@ -47,6 +47,15 @@ def moving(world: object) -> Moving | None:
     return world if isinstance(world, Moving) and callable(world.position) else None
 
 
+@runtime_checkable
+class Modelled(Protocol):
+    """A world of which agents know something before the start."""
+
+    @property
+    def model(self) -> Any:
+        """Rates, noise and statistics, as data sheets have them; nothing that depends on what happens in the run."""
+
+
 class Running(Protocol):
     """A coupled world as it runs: a state machine without a clock, at the instant to which it was advanced last."""
 
@@ -118,6 +127,23 @@ class AgentPlan:
 
 
 @dataclass(frozen=True)
+class PublicPlan:
+    """What all agents may know of a plan before the start: neither its world nor its faults.
+
+    `links` as in `Plan`. `model`: what is known of the world beforehand, see `Modelled`; None if nothing is.
+    """
+
+    seed: int
+    agents: tuple[AgentPlan, ...]
+    links: Mapping[LinkName, LinkSettings]
+    model: Any = None
+
+    def agent(self, name: str) -> AgentPlan:
+        """The agent of this name."""
+        return next(agent for agent in self.agents if agent.name == name)
+
+
+@dataclass(frozen=True)
 class Plan:
     """A scenario as the engines see it.
 
@@ -153,6 +179,12 @@ class Plan:
         """Whether all agents are of one kind, with the same parameters."""
         first = self.agents[0]
         return all((agent.kind, agent.parameters) == (first.kind, first.parameters) for agent in self.agents)
+
+    @property
+    def public(self) -> PublicPlan:
+        """What agents may know of it."""
+        model = self.world.model if isinstance(self.world, Modelled) else None
+        return PublicPlan(self.seed, self.agents, self.links, model)
 
     def agent(self, name: str) -> AgentPlan:
         """The agent of this name, or who runs beside the agents under it."""

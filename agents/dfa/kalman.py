@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...topologies import Position
 from ...units import Metres, MetresPerRootSecond, Radians, check_fields_above_zero
-from ...worlds.plane.distance_sensors import GaussianDistance
-from ...worlds.plane.plane_world import GYROSCOPE, SENSOR, PlaneWorld, distances
+from ...worlds.plane.plane_world import GYROSCOPE, SENSOR, PlaneModel, PlaneWorld, distances
 from ..fusion.fusion_agent import FusingAgent
 from ..fusion.fusion_settings import FusingParameters
 from ..fusion.problem import Problem, Readings
-from ..plan import Plan
+from ..plan import Plan, PublicPlan
 
 _STEP = 1e-6
 """Of central differences, in metres and radians: their error is 1e-10."""
@@ -55,18 +54,13 @@ class DfaKalmanParameters(FusingParameters):
 
 @dataclass(frozen=True)
 class ArrayProblem:
-    """The tilt and altitude of an array, and what its modules know of both."""
+    """The tilt and altitude of an array, and what its modules know of both; `rate` is that of all sensors [Hz]."""
 
-    world: PlaneWorld
+    rate: float
     positions: Mapping[str, Position]
     parameters: DfaKalmanParameters
     distance_noise: float
     gyroscope_noise: float
-
-    @property
-    def rate(self) -> float:
-        """That of all sensors [Hz]."""
-        return self.world.rate
 
     @property
     def prior(self) -> Gaussian:
@@ -113,16 +107,14 @@ class DfaKalman(FusingAgent):
     evaluation = "volery.experiments.evaluation.fusion_evaluation:DfaKalmanEvaluation"
 
     @classmethod
-    def problem(cls, plan: Plan) -> Problem:
-        """The array of the plan over the plane of its world."""
-        world, parameters = plan.world, plan.agents[0].parameters
-        assert isinstance(world, PlaneWorld), "unfit() refuses other worlds"
-        noise = parameters.distance_noise
-        if noise is None:
-            assert isinstance(world.sensor, GaussianDistance), "unfit() asks for a noise where the world has none"
-            noise = world.sensor.noise
+    def problem(cls, plan: PublicPlan) -> Problem:
+        """The array of the plan, with the sensors of its world."""
+        model, parameters = plan.model, plan.agents[0].parameters
+        assert isinstance(model, PlaneModel), "unfit() refuses other worlds"
+        noise = model.distance_noise if parameters.distance_noise is None else parameters.distance_noise
+        assert noise is not None, "unfit() asks for a noise where the world has none"
         positions = {agent.name: agent.position for agent in plan.agents if agent.position is not None}
-        return ArrayProblem(world, positions, parameters, noise, world.gyroscope or 0.0)
+        return ArrayProblem(model.rate, positions, parameters, noise, model.gyroscope_noise or 0.0)
 
     @classmethod
     def unfit(cls, plan: Plan) -> Sequence[str]:
@@ -133,8 +125,7 @@ class DfaKalman(FusingAgent):
             return ["dfa-kalman needs positions: use a topology that has them, such as hexagonal or cells"]
         if plan.world.gyroscope is None:
             return ["dfa-kalman needs rate gyros: add `gyroscope: {noise: 1 deg/s}` to the world"]
-        known = isinstance(plan.world.sensor, GaussianDistance) and plan.world.sensor.noise > 0
-        if plan.agents[0].parameters.distance_noise is None and not known:
+        if plan.agents[0].parameters.distance_noise is None and not plan.world.model.distance_noise:
             return ["the world does not say the noise of a distance: set agents.distance_noise, for example to 5 mm"]
         return []
 

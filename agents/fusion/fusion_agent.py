@@ -23,7 +23,7 @@ from ...topologies import metropolis_weight
 from ...units import first_period, period_ns
 from .. import payloads
 from ..agent import Agent, Context, Offer, Received, Sample, Timer
-from ..plan import Plan
+from ..plan import Plan, PublicPlan
 from .fusion_settings import COUNTS, SPREAD, FusingParameters
 from .problem import Briefing, Problem, Readings, parts, predicted_mean
 
@@ -59,8 +59,8 @@ class FusingAgent(Agent):
 
     @classmethod
     @abstractmethod
-    def problem(cls, plan: Plan) -> Problem:
-        """What is estimated, by the world and the agents' parameters."""
+    def problem(cls, plan: PublicPlan) -> Problem:
+        """What is estimated, by the agents' parameters and what is known of the world."""
 
     @classmethod
     @abstractmethod
@@ -181,7 +181,7 @@ class FusingAgent(Agent):
     # -- the run as a whole ---------------------------------------------------------------------------------------
 
     @classmethod
-    def briefing(cls, plan: Plan, name: str) -> Briefing:
+    def briefing(cls, plan: PublicPlan, name: str) -> Briefing:
         """The model, and this agent's part in the averages."""
         averaging = plan.agent(name).parameters.chosen().averaging
         return Briefing(cls.problem(plan), parts(plan, averaging)[name], averaging in LOCAL)
@@ -192,7 +192,7 @@ class FusingAgent(Agent):
         if cls.unfit(plan):
             return Offer(None, None)
         own, parameters = plan.agent(name), plan.agent(name).parameters
-        problem, part = cls.problem(plan), parts(plan, parameters.chosen().averaging)[name]
+        problem, part = cls.problem(plan.public), parts(plan.public, parameters.chosen().averaging)[name]
         agents = tuple(agent.name for agent in plan.agents)
         one = parameters.chosen().make(Place(name, agents, parameters.rounds, part.law), problem.prior)
         one.begin(Moment(0, None, (), part.weights))

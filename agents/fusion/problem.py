@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...estimators.averages.average_consensus import AverageConsensus, average_consensus
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step, moved
-from ..plan import Plan
+from ..plan import PublicPlan
 
 Readings = Mapping[str, NDArray[np.float64] | None]
 """Sensor → what it said at one sample; None where it saw nothing, absent where there is none."""
@@ -59,7 +59,7 @@ class Briefing:
     local: bool
 
 
-def parts(plan: Plan, averaging: str) -> dict[str, AverageConsensus]:
+def parts(plan: PublicPlan, averaging: str) -> dict[str, AverageConsensus]:
     """Agent → its part in a way to average over the graph of a plan."""
     graph = nx.Graph()
     graph.add_nodes_from(agent.name for agent in plan.agents)

@@ -6,15 +6,15 @@ Letters: x = (p_x, p_y, v_x, v_y) position [m] and velocity [m/s] of the target.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...estimators.distributed.gaussian import Gaussian, Measurement, Step
 from ...units import Metres, MetresPerSecondPerRootSecond, check_fields_above_zero
-from ...worlds.target.target_world import COORDINATES, TargetWorld, process_noise, transition
-from ..plan import Plan
+from ...worlds.target.target_world import COORDINATES, TargetModel, TargetWorld, process_noise, transition
+from ..plan import Plan, PublicPlan
 from .fusion_agent import FusingAgent
 from .fusion_settings import FusingParameters
 from .problem import Problem, Readings
@@ -41,31 +41,29 @@ class TrackerParameters(FusingParameters):
 class TargetProblem:
     """A target of constant velocity under white acceleration, of which each sensor sees one coordinate."""
 
-    world: TargetWorld
-    manoeuvre: float
-    noise: float
+    model: TargetModel
 
     @property
     def rate(self) -> float:
         """That of the sensors [Hz]."""
-        return self.world.rate
+        return self.model.rate
 
     @property
     def prior(self) -> Gaussian:
         """About zero, with the standard deviations of the world."""
-        spread = np.repeat([self.world.position, self.world.velocity], 2)
+        spread = np.repeat([self.model.position, self.model.velocity], 2)
         return Gaussian(np.zeros(4), np.diag(spread**2))
 
     def step(self, readings: Sequence[Readings], mean: NDArray[np.float64]) -> Step:
         """Always the same."""
-        period_s = self.world.period_s
-        return Step(transition(period_s), process_noise(period_s, self.manoeuvre), np.zeros(4))
+        period_s = 1.0 / self.rate
+        return Step(transition(period_s), process_noise(period_s, self.model.manoeuvre), np.zeros(4))
 
     def measurement(self, agent: str, readings: Readings, mean: NDArray[np.float64]) -> Measurement | None:
         """The coordinate that the agent sees."""
         for sensor, value in readings.items():
             if value is not None:
-                return Measurement(np.eye(4)[[COORDINATES.index(sensor)]], np.eye(1) * self.noise**2, value)
+                return Measurement(np.eye(4)[[COORDINATES.index(sensor)]], np.eye(1) * self.model.noise**2, value)
         return None
 
 
@@ -76,15 +74,13 @@ class Tracker(FusingAgent):
     evaluation = "volery.experiments.evaluation.fusion_evaluation:TrackerEvaluation"
 
     @classmethod
-    def problem(cls, plan: Plan) -> Problem:
-        """The target of the world, as the agents take it to be."""
-        assert isinstance(plan.world, TargetWorld), "unfit() refuses other worlds"
-        parameters: TrackerParameters = plan.agents[0].parameters
-        return TargetProblem(
-            plan.world,
-            plan.world.manoeuvre if parameters.manoeuvre is None else parameters.manoeuvre,
-            plan.world.noise if parameters.noise is None else parameters.noise,
-        )
+    def problem(cls, plan: PublicPlan) -> Problem:
+        """The target as the agents take it to be."""
+        model, parameters = plan.model, plan.agents[0].parameters
+        assert isinstance(model, TargetModel), "unfit() refuses other worlds"
+        manoeuvre = model.manoeuvre if parameters.manoeuvre is None else parameters.manoeuvre
+        noise = model.noise if parameters.noise is None else parameters.noise
+        return TargetProblem(replace(model, manoeuvre=manoeuvre, noise=noise))
 
     @classmethod
     def unfit(cls, plan: Plan) -> Sequence[str]:

@@ -38,7 +38,7 @@ class FusionEvaluation(Evaluation):
         super().__init__(plan, world_reports)
         kind = find(plan.agents[0].kind)
         assert issubclass(kind, FusingAgent)
-        self.problem = kind.problem(plan)
+        self.problem = kind.problem(plan.public)
         self._belief = self.problem.prior
         self._sample = -1
         self._readings: dict[int, Readings] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from types import FunctionType, MethodType
 from typing import Any
 
@@ -11,10 +12,20 @@ import pytest
 from volery.agents.agent import Agent, Context
 from volery.agents.node import Node
 from volery.agents.node_state import NodeState
-from volery.agents.plan import AgentPlan, Plan
+from volery.agents.plan import AgentPlan, Plan, PublicPlan
 from volery.agents.receiver import Receiver
 from volery.agents.sender import Sender
 from volery.experiments.scenario.load import load_scenario
+
+
+class Cheating(Agent):
+    """Would be told the true state at the start."""
+
+    @classmethod
+    def briefing(cls, plan: PublicPlan, name: str) -> object:
+        """The truth."""
+        return plan.world.truth(0)  # type: ignore[attr-defined]
+
 
 FORBIDDEN = (Plan, AgentPlan, Node, NodeState, Sender, Receiver, Agent)
 
@@ -55,7 +66,9 @@ def reachable(start: object) -> dict[int, Any]:
     return found
 
 
-@pytest.mark.parametrize("scenario", ["dfa4", "mav3-delay", "attitude3", "altitude-lossy", "mhe-lossy"])
+@pytest.mark.parametrize(
+    "scenario", ["dfa4", "dfa-kalman", "tracker", "mav3-delay", "attitude3", "altitude-lossy", "mhe-lossy"]
+)
 def test_nothing_in_a_context_leads_to_the_truth(scenario: str) -> None:
     """Neither the plan nor its worlds nor what runs the agent can be reached, through private attributes either."""
     plan = load_scenario(scenario).plan
@@ -70,6 +83,23 @@ def test_a_context_has_nothing_more_to_ask_for(name: str) -> None:
     """An attempt at the plan, the world or the faults is an AttributeError."""
     with pytest.raises(AttributeError):
         getattr(agent_of("mav3-delay").context, name)
+
+
+@pytest.mark.parametrize("name", ["world", "coupled", "faults", "measure", "distance_m"])
+def test_a_public_plan_has_no_world_and_no_faults(name: str) -> None:
+    """What a class works its briefings out from."""
+    plan = load_scenario("dfa16-kill").plan
+    assert hasattr(plan, name)
+    assert not hasattr(plan.public, name)
+
+
+def test_a_briefing_cannot_look_at_the_world() -> None:
+    """An attempt to hand the truth to an agent before the start is an AttributeError."""
+    plan = load_scenario("dfa4").plan
+    first, *others = plan.agents
+    cheating = replace(plan, agents=(replace(first, kind=f"{__name__}:Cheating"), *others))
+    with pytest.raises(AttributeError, match="'PublicPlan' object has no attribute 'world'"):
+        Node(cheating, first.name, [], lambda *_: None)
 
 
 @pytest.mark.parametrize("name", [name for name in dir(Context) if isinstance(getattr(Context, name), property)])

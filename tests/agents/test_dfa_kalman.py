@@ -87,7 +87,7 @@ def test_the_world_has_gyros_on_request_with_noise_of_their_own() -> None:
 def test_the_model_is_linearised_rightly() -> None:
     """One step and the distances, against the nonlinear ones at a state beside: the rest is of second order."""
     made = plan()
-    problem = DfaKalman.problem(made)
+    problem = DfaKalman.problem(made.public)
     mean, beside = np.array([0.3, 0.2, -0.1]), np.array([1e-3, 2e-3, -1e-3])
     reading = {"gyroscope": np.array([0.3, -0.2, 0.1]), "distance": np.array([0.31])}
     step = problem.step([reading], mean)

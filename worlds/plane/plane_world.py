@@ -18,7 +18,7 @@ from ...randomness import Stream, stream
 from ...topologies import Position
 from ...units import check_above_zero, period_ns
 from ..signals import Signal
-from .distance_sensors import DistanceSensor
+from .distance_sensors import DistanceSensor, GaussianDistance
 
 SENSOR = "distance"
 GYROSCOPE = "gyroscope"
@@ -72,6 +72,18 @@ def _gyroscope_noise(seed: int, agent: str) -> Stream:
 
 
 @dataclass(frozen=True)
+class PlaneModel:
+    """What is known of the sensors beforehand: `rate` [Hz], standard deviations of their noise [m, rad/s].
+
+    `distance_noise` is None where it is not the same at all distances, `gyroscope_noise` where there are no gyros.
+    """
+
+    rate: float
+    distance_noise: float | None
+    gyroscope_noise: float | None
+
+
+@dataclass(frozen=True)
 class PlaneWorld:
     """A rigid body over a plane; altitude [m], roll and pitch [rad] are given functions of time.
 
@@ -110,6 +122,12 @@ class PlaneWorld:
         for agent, position in self.positions.items():
             if len(position) != 2:
                 raise BadInput(f"position {position} of agent {agent} must be two numbers, x and y on the body")
+
+    @property
+    def model(self) -> PlaneModel:
+        """What agents know of it beforehand."""
+        noise = self.sensor.noise if isinstance(self.sensor, GaussianDistance) else None
+        return PlaneModel(self.rate, noise, self.gyroscope)
 
     def sensors(self, agent: str) -> Mapping[str, float]:
         """The sensors of an agent and their rate [Hz].

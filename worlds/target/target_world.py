@@ -48,6 +48,17 @@ def process_noise(period_s: float, manoeuvre: float) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
+class TargetModel:
+    """What is known of a target beforehand; see `TargetWorld` for the fields."""
+
+    rate: float
+    manoeuvre: float
+    noise: float
+    position: float
+    velocity: float
+
+
+@dataclass(frozen=True)
 class TargetWorld:
     """A target and those who look at it; all is a pure function of seed and time.
 
@@ -82,6 +93,11 @@ class TargetWorld:
     def period_s(self) -> float:
         """Δ, between samples [s]."""
         return 1.0 / self.rate
+
+    @property
+    def model(self) -> TargetModel:
+        """What agents know of it beforehand."""
+        return TargetModel(self.rate, self.manoeuvre, self.noise, self.position, self.velocity)
 
     def sensors(self, agent: str) -> Mapping[str, float]:
         """The coordinate that an agent sees, if it sees any, and its rate [Hz]."""
