@@ -14,7 +14,6 @@ from ..errors import BadInput
 from ..topologies import Span
 from ..transport.faults import Fault, Kill, LinkName, kills_of
 from ..transport.links import LinkSettings
-from .sensor_samples import measured
 
 MILLISECOND_NS = 1_000_000
 WORLD = "world"
@@ -218,10 +217,6 @@ class Plan:
         near = {name, *self.agent(name).neighbours}
         spans = (span for link, spans in self.presence.items() if link[0] in near for span in spans)
         return sorted({instant for span in spans for instant in span})
-
-    def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
-        """What an agent sees: a sensor's index-th sample, with the sensor faults of this plan."""
-        return measured(self, self.faults, agent, sensor, index)
 
     def distance_m(self, first: str, second: str, time_ns: int) -> float:
         """Distance of two agents at an instant [m]: in the world where it moves, else between their fixed places.

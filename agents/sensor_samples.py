@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,7 @@ from ..errors import BadInput
 from ..randomness import stream
 from ..transport.faults import Fault, SensorFault
 from ..units import first_period, period_ns
-
-if TYPE_CHECKING:
-    from .plan import Plan
+from .plan import Plan
 
 _STRIDE_OF_ROWS = 2**16
 """Between the draws for samples whose number of rows varies."""

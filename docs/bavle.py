@@ -21,6 +21,7 @@ from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
 from volery.agents.altitude.altitude_network import component_name
 from volery.agents.plan import Plan
 from volery.agents.sensor_node import SensorNodeParameters, numbers
+from volery.agents.sensor_samples import measured
 from volery.estimators.altitude.components import Ground
 from volery.estimators.altitude.modular_filter import GroundJumps, ModularFilter, Variant, unobservable
 from volery.estimators.altitude.replay import Stamped
@@ -104,7 +105,7 @@ def fly(scenario: str, *changes: str) -> Flown:
     return Flown(record, said.time_ns / NANOSECONDS, said.value, record.truth("altitude")["hub"])
 
 
-def measured(plan: Plan) -> list[Stamped]:
+def stamped_samples(plan: Plan) -> list[Stamped]:
     """All that the sensors see for which the hub has a component, in the order of their instants."""
     components, world, found = hub(plan).filter().sensors, world_of(plan), []
     for agent in plan.agents:
@@ -113,7 +114,7 @@ def measured(plan: Plan) -> list[Stamped]:
         for sensor, number in numbers(plan, agent.name):
             rate, name = world.sensors(agent.name)[sensor], component_name(agent.name, number)
             for index in range(first_period(rate, plan.duration_ns) if name in components else 0):
-                value = plan.measure(agent.name, sensor, index)
+                value = measured(plan, plan.faults, agent.name, sensor, index)
                 if value is not None:
                     found.append(Stamped(period_ns(rate, index), name, value))
     return sorted(found, key=lambda measurement: measurement.key)
@@ -123,7 +124,7 @@ def seen(plan: Plan, agent: str, sensor: str) -> tuple[Floats, Floats]:
     """Times [s] and readings [m] of a barometer or range finder."""
     rate = world_of(plan).sensors(agent)[sensor]
     count = int(plan.duration_ns / NANOSECONDS * rate)
-    values = [plan.measure(agent, sensor, index) for index in range(count)]
+    values = [measured(plan, plan.faults, agent, sensor, index) for index in range(count)]
     times = [period_ns(rate, index) / NANOSECONDS for index in range(count)]
     return np.array(times), np.array([math.nan if value is None else value[0] for value in values])
 
@@ -198,7 +199,7 @@ def fig4(figure: Figure) -> Iterator[str]:
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     yield f"jumps of the ground that the gate saw: {gated.counts()[-1]}"
     plans = [planned("altitude-obstacles", f"seed={seed}") for seed in MORE_SEEDS]
-    flights = [(plan, measured(plan)) for plan in plans]
+    flights = [(plan, stamped_samples(plan)) for plan in plans]
     for variant, walk in (("as_printed", PRINTED_WALK), ("gate", Ground().walk), ("gate_and_floor", Ground().walk)):
         errors = (f"{CM * mean_error(*flight, variant, walk):.1f}" for flight in flights)  # type: ignore[arg-type]
         seeds = f"seeds {MORE_SEEDS[0]} to {MORE_SEEDS[-1]}"
@@ -283,7 +284,7 @@ def tuning(figure: Figure) -> Iterator[str]:
     yield f"mean (least to most of {len(SEEDS)} seeds) in cm for walks of {', '.join(map(str, WALKS))} m/√s"
     for axes, (scene, changes) in zip(figure.subplots(1, len(SCENES), sharey=True), SCENES.items(), strict=True):
         plans = [planned("altitude-platform", f"seed={seed}", *changes) for seed in SEEDS]
-        flights = [(plan, measured(plan)) for plan in plans]
+        flights = [(plan, stamped_samples(plan)) for plan in plans]
         for variant, (label, colour) in LOOKS.items():
             errors = CM * np.array([[mean_error(*flight, variant, walk) for walk in WALKS] for flight in flights])
             mean, low, high = errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)

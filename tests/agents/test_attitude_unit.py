@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from volery.agents.attitude.attitude_network import problems
 from volery.agents.plan import Plan
+from volery.agents.sensor_samples import measured
 from volery.errors import BadInput
 from volery.estimators.attitude.directions import learned_quaternion
 from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
@@ -77,7 +78,7 @@ def by_hand(plan: Plan, count: int) -> dict[str, list[Floats]]:
         for name in names:
             observed = []
             for sensor in DIRECTIONS:
-                value = plan.measure(name, sensor, index)
+                value = measured(plan, plan.faults, name, sensor, index)
                 assert value is not None
                 observed.append(value / np.linalg.norm(value))
             frame = quaternion_product(averages[name], mountings[name])
@@ -250,7 +251,7 @@ def test_units_that_are_all_far_off_do_not_put_all_their_sensors_aside() -> None
 def test_a_reading_without_a_direction_is_none() -> None:
     """A bias that takes a reading to zero length leaves the unit without it, and nothing breaks."""
     plan = planned("duration=2 s", STEADY, *QUIET, "agents.report_own=true")
-    reading = plan.measure("2", "accelerometer", 0)
+    reading = measured(plan, plan.faults, "2", "accelerometer", 0)
     assert reading is not None
     off = ", ".join(repr(-float(value)) for value in reading)
     bias = f"{{at: 0 s, sensor: 2.accelerometer, bias: [{off}]}}"

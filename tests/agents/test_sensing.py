@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.agents.plan import Plan
+from volery.agents.sensor_samples import measured
 from volery.transport.faults import Fault, SensorFault
 
 MS = 1_000_000
@@ -35,7 +36,7 @@ class Counter:
 def said(*faults: Fault) -> list[float | None]:
     """The first six samples, taken every 10 ms from 0 on."""
     plan = Plan("count", 7, 60 * MS, (), {}, Counter(), faults)
-    samples = [plan.measure("1", "count", index) for index in range(6)]
+    samples = [measured(plan, plan.faults, "1", "count", index) for index in range(6)]
     return [None if sample is None else float(sample[0]) for sample in samples]
 
 

@@ -18,8 +18,6 @@ FILES = {
 """Module → its file; the folders of the package are links, which `rglob` alone does not follow."""
 KNOWN = {
     "scenario.py",
-    "volery.agents.plan",
-    "volery.agents.sensor_samples",
     "volery.worlds.formation.formation_flight",
     "volery.worlds.formation.formation_world",
     "volery.worlds.formation.contacts",
