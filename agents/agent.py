@@ -32,7 +32,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A payload from a neighbour, at the instant at which it is due: what a radio would tell, and no more."""
+    """A payload from a neighbour, at the instant at which it is due: all that a radio would tell."""
 
     source: str
     payload: bytes
@@ -50,7 +50,7 @@ class Timer:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """What an agent offers to each neighbour: largest payload [bytes], frames per second; None where nobody knows."""
+    """What an agent offers to each neighbour: largest payload [bytes], frames per second; None where unknown."""
 
     largest_payload: int | None
     per_second: float | None
@@ -299,29 +299,29 @@ class Agent:
         self.parameters = parameters
 
     def start(self) -> None:
-        """Called once, before every other event."""
+        """Called once, before any other event."""
 
     def on_sample(self, sample: Sample) -> None:
-        """A sensor has taken a sample."""
+        """Called when a sensor has taken a sample."""
 
     def on_frame(self, frame: Received) -> None:
-        """A neighbour's payload has arrived."""
+        """Called when a neighbour's payload has arrived."""
 
     def on_timer(self, timer: Timer) -> None:
-        """A timer has come due."""
+        """Called when a timer is due."""
 
     def on_neighbours(self) -> None:
-        """The graph has changed: `context.neighbours` and `context.degrees` say what it is now."""
+        """Called when the graph has changed, with the new `context.neighbours` and `context.degrees`."""
 
     def save(self) -> Any:
-        """What is kept through a death that keeps the state: plain values, as MessagePack has them.
+        """State that a kill with `keep_state` passes on to the next incarnation: plain values for MessagePack.
 
-        Timers and what waits to be sent are not kept. A class that overrides this overrides `restore` too.
+        Timers and queued frames are not kept. A class that overrides this overrides `restore` too.
         """
         raise BadInput(f"{type(self).__name__} keeps no state: it does not override save and restore")
 
     def restore(self, state: Any) -> None:
-        """Take up what `save` gave in the life before; called after `start`, which has set timers anew."""
+        """Restore what the previous incarnation has saved; called after `start`, which has set timers anew."""
 
     @classmethod
     def briefing(cls, plan: PublicPlan, name: str) -> Any:
@@ -330,41 +330,41 @@ class Agent:
 
     @classmethod
     def keeps_state(cls) -> bool:
-        """Whether a death can leave its state to the next life."""
+        """Whether such agents can pass their state on to the next incarnation."""
         return cls.save is not Agent.save
 
     @classmethod
     def largest_payload(cls, parameters: Any) -> int | None:
-        """Largest payload in bytes that an agent with these parameters sends, if it can be told beforehand."""
+        """Largest payload that an agent with these parameters sends [bytes]; None if unknown beforehand."""
         return None
 
     @classmethod
     def sends_per_second(cls, parameters: Any) -> float | None:
-        """Frames per second that such an agent offers to each neighbour, if it can be told beforehand."""
+        """Frames per second that such an agent offers to each neighbour; None if unknown beforehand."""
         return None
 
     @classmethod
     def offers(cls, plan: Plan, name: str) -> Offer:
-        """What one agent of a plan sends: as its parameters tell, unless a kind sees more in the plan."""
+        """What one agent of a plan sends, by its parameters; override it where that depends on the plan."""
         parameters = plan.agent(name).parameters
         return Offer(cls.largest_payload(parameters), cls.sends_per_second(parameters))
 
     @classmethod
     def is_silent(cls, plan: Plan, name: str) -> bool:
-        """Whether this agent of a plan never sends, as far as it can be told beforehand."""
+        """Whether this agent of a plan never sends, as far as known beforehand."""
         return cls.offers(plan, name).per_second == 0
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:
-        """Whether such an agent hands what it sends to all neighbours at once."""
+        """Whether such an agent sends by `broadcast`."""
         return False
 
     @classmethod
     def libraries(cls, parameters: Any) -> Sequence[str]:
-        """Installed packages, beside NumPy and SciPy, that the bits of such an agent's numbers come from."""
+        """Installed packages, besides NumPy and SciPy, on which the bits of such an agent's numbers depend."""
         return ()
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """What makes this plan impossible for such agents, each a sentence with the remedy."""
+        """Problems that make a plan impossible for such agents, each a sentence with the remedy."""
         return ()

@@ -35,14 +35,14 @@ class World(Protocol):
 
 @runtime_checkable
 class Moving(Protocol):
-    """What a world in which agents move can tell besides."""
+    """A world in which agents move."""
 
     def position(self, agent: str, time_ns: int) -> NDArray[np.float64]:
-        """Where an agent is at an instant, shape (2,) or (3,) [m]."""
+        """Position of one agent at an instant, shape (2,) or (3,) [m]."""
 
 
 def moving(world: object) -> Moving | None:
-    """The world, if agents move in it: if its `position` is no size, as a target may have one, but can be asked."""
+    """The world, if agents move in it: if its `position` is a method, and not a size, as of a target; else None."""
     return world if isinstance(world, Moving) and callable(world.position) else None
 
 
@@ -59,46 +59,46 @@ class Running(Protocol):
     """A coupled world as it runs: a state machine without a clock, at the instant to which it was advanced last."""
 
     def advance(self, time_ns: int) -> None:
-        """Go on to an instant, which is not before the present one."""
+        """Advance to an instant, which is not before the present one."""
 
     def act(self, agent: str, command: str, value: NDArray[np.float64]) -> None:
-        """An agent's command takes effect.
+        """Let an agent's command take effect.
 
         Raises:
             BadInput: there is no such command, or it has another length.
         """
 
     def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
-        """The sensor's index-th sample, taken now, (k,), or (n, k) of which each row begins with what it is of.
+        """The sensor's index-th sample, taken now, (k,), or (n, k) whose first column says what each row measures.
 
-        None where it sees nothing. Faults leave the beginning of a row alone.
+        None where it sees nothing. Faults leave the first column alone.
         """
 
     def truth(self) -> Mapping[str, NDArray[np.float64]]:
         """Quantity → its true value now; "quantity@agent" where it is that of one agent."""
 
     def events(self) -> list[dict[str, Any]]:
-        """What happened since the last call, as {"event": …, "time_ns": …, …} of plain values."""
+        """Events since the last call, each {"event": …, "time_ns": …, …} of plain values."""
 
 
 @runtime_checkable
 class Coupled(Protocol):
-    """A world that agents act upon, so that what they measure hangs on what they did: it runs as an agent of its own.
+    """A world that agents act upon, so that measurements depend on commands: it runs as an agent of its own.
 
     Both delays are at least 1.
     """
 
     @property
     def sense_delay_ns(self) -> int:
-        """From the taking of a sample to its arrival."""
+        """Delay from the taking of a sample to its arrival."""
 
     @property
     def act_delay_ns(self) -> int:
-        """From a command to its effect."""
+        """Delay from a command to its effect."""
 
     @property
     def truth_rate(self) -> float:
-        """How often the truth is written down [Hz]."""
+        """Rate at which the truth is reported [Hz]."""
 
     def sensors(self, agent: str) -> Mapping[str, float]:
         """Sensor name → rate in Hz, for one agent."""
@@ -112,7 +112,7 @@ class AgentPlan:
     """One agent: its kind (a registered name or `package.module:Class`), parameters and place in the graph.
 
     `position` is in metres about the centroid, where the topology has positions. `wired`: to whom it is joined by wires
-    that nothing impairs, as to a coupled world.
+    that nothing impairs, such as a coupled world.
     """
 
     name: str
@@ -146,11 +146,11 @@ class PublicPlan:
 class Plan:
     """A scenario as the engines see it.
 
-    `links` holds both directions of every edge that the graph has at some time of the run. `presence` has the spans in
-    which a link is there, ascending and apart; a link that is not in it is always there. `slots`: agent → (its slot,
-    how many there are), for radios that take turns. `groups`: name → agents, as live faults may name them.
-    `world` goes its own way, a `coupled` one is acted upon. `world_agents`: who runs beside the agents: a coupled
-    world; `wires`: what joins it to them. `keeps_payloads`: whether what delivered frames bring is recorded.
+    `links` has both directions of every edge that the graph has at some time of the run. `presence`: link → disjoint
+    spans, ascending, in which it exists; a link that is missing there always exists. `slots`: agent → (its slot, number
+    of slots), for TDMA on a shared radio. `groups`: name → agents, as live faults may name them. `world` is independent
+    of the agents, a `coupled` one is acted upon; that runs as the one of `world_agents`, joined to the agents by
+    `wires`. `keeps_payloads`: whether payloads of delivered frames are recorded.
     """
 
     name: str
@@ -170,7 +170,7 @@ class Plan:
 
     @property
     def all_agents(self) -> tuple[AgentPlan, ...]:
-        """The agents, and who runs beside them: each has a process of its own."""
+        """The agents and the world agents: each has a process of its own."""
         return self.agents + self.world_agents
 
     @property
@@ -186,11 +186,11 @@ class Plan:
         return PublicPlan(self.seed, self.agents, self.links, model)
 
     def agent(self, name: str) -> AgentPlan:
-        """The agent of this name, or who runs beside the agents under it."""
+        """The agent, or world agent, of this name."""
         return next(agent for agent in self.all_agents if agent.name == name)
 
     def settings(self, link: LinkName) -> LinkSettings:
-        """Of a link or a wire, as the scenario has them."""
+        """Settings of a link or a wire in the scenario."""
         return self.wires[link] if link in self.wires else self.links[link]
 
     def kills(self, agent: str) -> list[Kill]:

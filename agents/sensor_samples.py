@@ -1,4 +1,4 @@
-"""What a sensor says, with the sensor faults in force: a pure function of the world, the faults and the index."""
+"""Samples of sensors with the sensor faults in force: pure functions of the world, the faults and the index."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STRIDE_OF_ROWS = 2**16
 
 
 def numbers(sample: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What faults change of a sample: all of it, but of rows (n, k) not the first column, that says what each is of."""
+    """The part of a sample that faults change: all, but of rows (n, k) not the first column, which identifies them."""
     return sample if sample.ndim == 1 else sample[:, 1:]
 
 
