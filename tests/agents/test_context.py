@@ -85,7 +85,7 @@ def test_a_context_has_nothing_more_to_ask_for(name: str) -> None:
         getattr(agent_of("mav3-delay").context, name)
 
 
-@pytest.mark.parametrize("name", ["world", "coupled", "faults", "measure", "distance_m"])
+@pytest.mark.parametrize("name", ["world", "coupled", "faults", "distance_m"])
 def test_a_public_plan_has_no_world_and_no_faults(name: str) -> None:
     """What a class works its briefings out from."""
     plan = load_scenario("dfa16-kill").plan
