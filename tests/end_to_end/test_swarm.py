@@ -17,6 +17,7 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
 from volery.experiments.analysis.accounting import account, total
+from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
@@ -57,6 +58,15 @@ def check_accounts(record: Record) -> None:
     assert all(link.closes for link in accounts.values()), total(accounts.values())
 
 
+def check_arrivals(record: Record) -> None:
+    """Every frame that was heard has come by the wall clock, and was handed over no earlier than that, nor than due."""
+    frames = [frame for of_link in frame_fates(record).values() for frame in of_link if frame.fate == "delivered"]
+    assert frames
+    for frame in frames:
+        assert None not in (frame.arrived_ns, frame.handed_ns, frame.due_ns)
+        assert frame.handed_ns >= max(frame.arrived_ns, frame.due_ns)  # type: ignore[operator,type-var]
+
+
 def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
     """Sixteen processes over Zenoh give the twin's estimates and fates, bit for bit; every frame is accounted for."""
     record, ending = run_swarm(plan_of("dfa16-lossy", "duration=2 s", "faults=[{at: 1 s, until: 1.5 s, cut: 4-7}]"))
@@ -64,6 +74,7 @@ def test_lockstep_equals_the_twin(plan_of: PlanOf) -> None:
     assert len(record.estimates("estimate")) == 16
     assert departures(record) == []
     check_accounts(record)
+    assert not any(batch.arrived for batch in record.batches.values())
 
 
 def test_radios_that_listen_first_equal_the_twin(plan_of: PlanOf) -> None:
@@ -263,3 +274,4 @@ def test_a_hog_takes_processor_time_and_nothing_else(plan_of: PlanOf) -> None:
     }
     assert spent["2"] > max(seconds for agent, seconds in spent.items() if agent != "2")
     assert departures(record, first_late_ns(record)) == []
+    check_arrivals(record)

@@ -51,6 +51,18 @@ def test_each_fate_counts_once(record_of: Make, sent: Make, heard: Make) -> None
     assert one.delivered_fraction == 0.25
 
 
+def test_duplicates_count_apart_from_what_was_offered(record_of: Make, sent: Make, heard: Make) -> None:
+    """Two frames were offered; a copy has a fate of its own, and was on the air with its original."""
+    sender = Batch("1", 0, sent=[sent(0, 0), sent(0, 0)._replace(copy=1, due_ns=9 * MS), sent(1, 10)])
+    copy = heard(0, 0)._replace(copy=1, due_ns=9 * MS)
+    one = of_link(record_of(sender, Batch("2", 0, heard=[heard(0, 0), copy, heard(1, 10)])))
+    assert one.closes
+    assert (one.offered, one.duplicated, one.delivered) == (2, 1, 3)
+    assert (one.sent_bytes, one.delivered_bytes, one.airtime_ns) == (20, 30, 4 * MS)
+    lost = of_link(record_of(sender, Batch("2", 0, heard=[heard(0, 0), heard(1, 10)])))
+    assert (lost.offered, lost.duplicated, lost.missing, lost.closes) == (2, 1, 1, False)
+
+
 def test_frame_without_story_is_missing(record_of: Make, sent: Make, heard: Make) -> None:
     """A frame that was sent, due before the end and never heard is the middleware's loss: the sum stays open."""
     one = of_link(record_of(Batch("1", 0, sent=[sent(0, 0), sent(1, 10)]), Batch("2", 0, heard=[heard(1, 10)])))
@@ -238,7 +250,11 @@ def test_every_run_in_the_twin_closes(
     if kill is not None:
         faults.append(Kill("t2", kill[0] * MS, None if kill[1] is None else kill[1] * MS, "2"))
     link = LinkSettings(
-        rate=rate, queue=Queue(limit, "drop-head"), loss=(Bernoulli(loss),), latency=Normal(20 * MS, 10 * MS)
+        rate=rate,
+        queue=Queue(limit, "drop-head"),
+        loss=(Bernoulli(loss),),
+        duplication=0.3,
+        latency=Normal(20 * MS, 10 * MS),
     )
     if half:
         link = LinkSettings(**{**link.__dict__, "medium": HalfDuplex()})

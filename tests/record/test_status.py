@@ -1,0 +1,91 @@
+"""The live status says what the tables say."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from volery.agents.agent import Agent
+from volery.agents.journal import Batch, Estimate
+from volery.agents.plan import Plan
+from volery.experiments.evaluation.evaluation import Evaluation, Quantity
+from volery.experiments.record.evaluation_pass import evaluated
+from volery.experiments.record.frame_fates import frame_fates
+from volery.experiments.record.record import Collector
+from volery.experiments.record.samples import samples
+from volery.experiments.swarm.status import Status, WatchedSink
+from volery.experiments.twin import Twin
+from volery.transport.faults import Kill, LinkFault
+from volery.transport.latencies import Constant
+from volery.transport.links import LinkSettings, Queue
+from volery.transport.losses import Bernoulli
+from volery.transport.media import FullDuplex, HalfDuplex, Medium
+
+MS = 1_000_000
+Floats = NDArray[np.float64]
+Make = Callable[..., Any]
+NARROW = LinkSettings(rate=2000.0, queue=Queue(1), loss=(Bernoulli(0.2),), duplication=0.3, latency=Constant(60 * MS))
+KILLS = (Kill("t1", 1000 * MS, 1300 * MS, "2"), Kill("t2", 2510 * MS, None, "3"))
+HOLD = LinkFault("t3", 400 * MS, 900 * MS, (("1", "2"),), {"hold": True})
+
+
+@pytest.mark.parametrize(("medium", "lost"), [(FullDuplex(), "loss"), (HalfDuplex(), "half-duplex")])
+def test_fates_are_those_of_the_tables(plan_of: Make, medium: Medium, lost: str) -> None:
+    """Queues that overflow, losses, duplicates, a hold, agents that die: what the display counts, the record has."""
+    links = LinkSettings(**{**vars(NARROW), "medium": medium})
+    plan: Plan = plan_of([("1", "2"), ("2", "3")], 3000, settings=links, faults=(*KILLS, HOLD))
+    collector = Collector()
+    status = Status(plan)
+
+    def go_on(now_ns: int) -> bool:
+        status.time_ns = now_ns
+        assert status.fates()["in-flight"] == 0
+        return True
+
+    Twin(plan, WatchedSink(collector, status)).run(go_on)
+    fates = Counter(frame.fate for of_link in frame_fates(collector.record(plan)).values() for frame in of_link)
+    assert {"queue", "receiver-down", "sender-down", "in-flight", lost} <= set(fates)
+    del fates["in-flight"]
+    assert status.fates() == fates
+    told = status.to_dict()
+    assert told["discarded"] == {"queue": fates["queue"]}
+    assert told["lost"] == fates.total() - fates["queue"] - fates["delivered"]
+    assert told["frames"] == fates.total()
+
+
+def shorter_way(estimate: Floats, reference: Floats) -> Floats:
+    """The difference of headings, between −π and π."""
+    return np.asarray((estimate - reference + np.pi) % (2 * np.pi) - np.pi)
+
+
+class CompassEvaluation(Evaluation):
+    """Of headings [rad]."""
+
+    quantities = (Quantity("heading", difference=shorter_way),)
+
+
+class Compass(Agent):
+    """Agents that report headings."""
+
+    evaluation = CompassEvaluation
+
+
+def test_disagreement_is_that_of_the_tables(plan_of: Make) -> None:
+    """Root mean square, by the difference of the agents' class, of those who live: headings of 359°, 1° and 0°."""
+    plan = plan_of([("1", "2"), ("2", "3"), ("3", "4")], kind=Compass)
+    collector = Collector()
+    status = Status(plan)
+    status.alive = {"1", "2", "3"}
+    sink = WatchedSink(collector, status)
+    for name, degrees in (("1", 359.0), ("2", 1.0), ("3", 0.0), ("4", 90.0)):
+        sink(Batch(name, 0, [Estimate(0, "heading", 1, [np.deg2rad(degrees)])]))
+    assert status.disagreement() == pytest.approx(np.deg2rad(np.sqrt(2 / 3)))
+    status.alive.add("4")
+    assert status.disagreement() == pytest.approx(samples(evaluated(collector.record(plan)), "heading").disagreement[0])
+    status.alive = {"4"}
+    assert status.disagreement() is None
