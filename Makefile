@@ -7,7 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SETUP = $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test bench contest contest-small
+.PHONY: help demo test test-long bench contest contest-small
 
 help:  ## say what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -28,13 +28,16 @@ demo: $(VENV)/.installed  ## run the 16-module flying array over lossy infrared 
 	@echo "Figures:"
 	@find "$$(ls -d runs/*-dfa16-lossy* | tail -n 1)" -name '*.png' -o -name '*.pdf' | sort | sed 's/^/  /'
 
-test: $(VENV)/.installed-dev  ## check style, types, import rules and spelling, then run every test
+test: $(VENV)/.installed-dev  ## check style, types, import rules and spelling, then run the tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/codespell
-	$(BIN)/pytest --numprocesses 2 --dist loadfile $(PYTEST_FLAGS)
+	$(BIN)/pytest --numprocesses 2 --dist worksteal $(PYTEST_FLAGS)
+
+test-long: $(VENV)/.installed-dev  ## run the tests that `make test` has in a shorter form: whole pages, a hundred runs
+	$(BIN)/pytest --numprocesses 2 --dist worksteal -m long $(PYTEST_FLAGS)
 
 bench: $(VENV)/.installed-dev  ## run every benchmark and print its ratios
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done

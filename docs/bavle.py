@@ -336,16 +336,14 @@ def lossy(figure: Figure) -> Iterator[str]:
     """The flight of altitude-lossy, with late measurements put where they belong and with those left out."""
     figure.set_size_inches(PAGE_IN, 3.2)
     axes = figure.subplots()
-    sides = {
-        "history of 500 ms": (GREEN, fly("altitude-lossy")),
-        "no history": (VERMILION, fly("altitude-lossy", f"{HUB}.history=0")),
-    }
-    for label, (colour, flown) in sides.items():
+    sides = {"history of 500 ms": (GREEN, []), "no history": (VERMILION, [f"{HUB}.history=0"])}
+    for label, (colour, changes) in sides.items():
+        flown = fly("altitude-lossy", *changes)
         axes.plot(flown.time, CM * (flown.estimate[:, 0] - flown.truth[:, 0]), color=colour, label=label)
         in_order, replayed, _, too_old, *_ = flown.counts()
         used = f"{in_order + replayed:,} measurements used, {replayed:,} of them replayed, {too_old:,} too old"
         yield f"{label}: {used}; altitude {_error(flown.error)}"
-    record = sides["no history"][1].record
+    record = flown.record
     for fault in record.faults:
         from_s, until_s = fault.at_ns / NANOSECONDS, (fault.until_ns or 0) / NANOSECONDS
         axes.axvspan(from_s, until_s, color=GREY, alpha=0.6, lw=0, zorder=0)

@@ -47,6 +47,7 @@ def test_every_figure_has_its_command_and_picture() -> None:
     assert all(0 < picture.stat().st_size < SMALL_BYTES for picture in pictures.iterdir())
 
 
+@pytest.mark.long
 def test_the_page_quotes_what_the_script_prints(tmp_path: Path) -> None:
     """All numbers stand in the page as they are printed, and every figure is drawn."""
     words = [sys.executable, str(DOCS / "links.py"), "all", "--out", str(tmp_path)]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -13,10 +14,11 @@ from .conftest import DOCS, blocks, typed
 
 
 class Page(NamedTuple):
-    """`told`: what its script prints without a figure. `quick`: what is drawn, or told, in a moment."""
+    """`told`: what its script prints without a figure. `quick`: what takes a moment; `longer`: what takes more."""
 
     figures: tuple[str, ...]
     quick: tuple[str, ...]
+    longer: tuple[str, ...] = ()
     told: tuple[str, ...] = ()
     largest_bytes: int = 250_000
 
@@ -24,12 +26,14 @@ class Page(NamedTuple):
 PAGES = {
     "kriegleder": Page(("fig4", "fig5", "fig7", "fig8", "fig9", "async"), ("fig4", "fig7", "fig8")),
     "naegeli": Page(
-        ("fig6", "fig7", "burst", "delay", "loss", "nees", "death"), ("algebra", "death"), ("algebra",), 310_000
+        ("fig6", "fig7", "burst", "delay", "loss", "nees", "death"), ("algebra", "death"), (), ("algebra",), 310_000
     ),
-    "bavle": Page(("fig3", "fig4", "fig5", "tuning", "loss", "lossy"), ("lossy",)),
-    "betanzos": Page(("fig4", "fig5", "fig6", "gain", "loss", "trust"), ("algebra", "fig4"), ("algebra",)),
-    "bassolillo": Page(("fig2", "fig3", "fig4", "altitude", "sign", "ranges", "bounds", "bias", "links"), ("bounds",)),
-    "csma": Page(("throughput", "saturation"), ("throughput", "saturation"), largest_bytes=80_000),
+    "bavle": Page(("fig3", "fig4", "fig5", "tuning", "loss", "lossy"), (), ("lossy",)),
+    "betanzos": Page(("fig4", "fig5", "fig6", "gain", "loss", "trust"), ("algebra",), ("fig4",), ("algebra",)),
+    "bassolillo": Page(
+        ("fig2", "fig3", "fig4", "altitude", "sign", "ranges", "bounds", "bias", "links"), (), ("bounds",)
+    ),
+    "csma": Page(("throughput", "saturation"), (), ("throughput", "saturation"), largest_bytes=80_000),
 }
 
 
@@ -40,16 +44,30 @@ class OnePicture(NamedTuple):
     parts: tuple[str, ...]
     picture: str
     largest_bytes: int
+    is_long: bool = True
 
 
 ONE_PICTURE = {
-    "formation-world": OnePicture("formation_world", ("motion", "view", "passage"), "formation-world.png", 160_000),
+    "formation-world": OnePicture(
+        "formation_world", ("motion", "view", "passage"), "formation-world.png", 160_000, is_long=False
+    ),
     "averages": OnePicture("averages", ("contraction", "one-way"), "averages-one-way.png", 160_000),
     "so3": OnePicture("so3", ("bounds", "noise", "anchor"), "so3-consensus.png", 120_000),
 }
 
 
-@pytest.mark.parametrize("name", ONE_PICTURE)
+def cases(quick: Iterable[Any], longer: Iterable[Any]) -> list[Any]:
+    """Parameters of tests, the longer ones marked."""
+    return [*map(pytest.param, quick), *(pytest.param(each, marks=pytest.mark.long) for each in longer)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    cases(
+        (name for name, page in ONE_PICTURE.items() if not page.is_long),
+        (name for name, page in ONE_PICTURE.items() if page.is_long),
+    ),
+)
 def test_a_page_with_one_picture_quotes_what_its_script_prints(name: str, tmp_path: Path) -> None:
     """Each part has its command, and its numbers as they are printed; the picture is small and shown."""
     page = ONE_PICTURE[name]
@@ -77,9 +95,16 @@ def test_every_figure_has_its_command_and_picture(name: str) -> None:
         assert 0 < (DOCS / picture).stat().st_size < page.largest_bytes
 
 
-@pytest.mark.parametrize(("name", "which"), [(name, which) for name, page in PAGES.items() for which in page.quick])
-def test_the_page_quotes_what_the_script_prints(name: str, which: str, tmp_path: Path) -> None:
-    """The numbers of what is drawn or told in a moment stand in the page as they are printed."""
+@pytest.mark.parametrize(
+    "part",
+    cases(
+        (f"{name} {which}" for name, page in PAGES.items() for which in page.quick),
+        (f"{name} {which}" for name, page in PAGES.items() for which in page.longer),
+    ),
+)
+def test_the_page_quotes_what_the_script_prints(part: str, tmp_path: Path) -> None:
+    """The numbers stand in the page as they are printed."""
+    name, _, which = part.partition(" ")
     words = [sys.executable, str(DOCS / f"{name}.py"), which, "--out", str(tmp_path)]
     printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     command = f"$ .venv/bin/python docs/{name}.py {which}\n"

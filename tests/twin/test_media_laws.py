@@ -109,7 +109,7 @@ def test_pure_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Record
     assert through == pytest.approx(math.exp(-2 * load), rel=0.3)
 
 
-@pytest.mark.parametrize("load", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("load", [0.3, 1.0, pytest.param(2.0, marks=pytest.mark.long)])
 def test_slotted_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Record]) -> None:
     """N leaves that send in each slot with probability p: S = N·p·(1 − p)^(N−1), which tends to G·e^(−G)."""
     chance = load / LEAVES
