@@ -167,6 +167,14 @@ class Batch:
         """Whether there is anything in it."""
         return any(getattr(self, name) for name in ENTRIES) or bool(self.events)
 
+    @property
+    def last_ns(self) -> int:
+        """The latest nominal time [ns] of any entry; 0 without any."""
+        times = [sent.start_ns for sent in self.sent] + [heard.due_ns for heard in self.heard]
+        for name in ("estimates", "dropped", "released", *FACT_ROWS):
+            times += [entry.time_ns for entry in getattr(self, name)]
+        return max(times, default=0)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for MessagePack and JSON."""
         return dict(self.__dict__)

@@ -69,9 +69,9 @@ def _stray(record: Record) -> int:
     def is_cut(start_ns: int) -> bool:
         return any(fault.in_force(start_ns) for fault in record.faults)
 
-    told = (story for of_link in frame_fates(record).values() for story in of_link)
+    frames = (frame for of_link in frame_fates(record).values() for frame in of_link)
     return sum(
-        (story.fate == "cut") != is_cut(story.start_ns)
-        for story in told
-        if story.start_ns is not None and story.fate in ("cut", "delivered")
+        (frame.fate == "cut") != is_cut(frame.start_ns)
+        for frame in frames
+        if frame.start_ns is not None and frame.fate in ("cut", "delivered")
     )

@@ -11,11 +11,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from .analysis.export import FRAME_COLUMNS, frame_rows
+from .analysis.export import frame_columns
 from .analysis.metrics import Metrics, compute_metrics
 from .execution import Options, execute
 from .figures import run_figures as figures
@@ -24,9 +23,6 @@ from .record.run_files import FIGURES_FOLDER
 from .record.samples import Samples, samples
 from .scenario.load import LoadedScenario, load_scenario, resolved_yaml
 from .scenario.validate import validate_plan
-
-_UNKNOWN = {"VARCHAR": "", "BIGINT": -1}
-_TYPES = {"VARCHAR": np.str_, "BIGINT": np.int64, "BOOLEAN": np.bool_}
 
 
 @dataclass(frozen=True)
@@ -58,15 +54,12 @@ class Run:
 
     @cached_property
     def frames(self) -> dict[str, NDArray[Any]]:
-        """Field of a frame's story → its value for each frame, (m,); "" or −1 where it is not known.
+        """Field of a frame → its value for each frame, (m,); "" or −1 where it is not known.
 
-        Fields: source, target, sequence, size [B], start_ns, airtime_ns, due_ns, fate and others, see `FrameFate`.
+        Fields: source, target, sequence, size [B], start_ns, airtime_ns, due_ns, handed_ns, fate and others, see
+        `FrameFate`.
         """
-        rows = list(frame_rows(self.record))
-        return {
-            field: _column(kind, [row[number] for row in rows])
-            for number, (field, kind) in enumerate(FRAME_COLUMNS.items())
-        }
+        return frame_columns(self.record)
 
     @cached_property
     def metrics(self) -> Metrics:
@@ -80,10 +73,6 @@ class Run:
             BadInput: no such figure or format.
         """
         return figures.draw(self.record, which, out or self.folder / FIGURES_FOLDER, formats)
-
-
-def _column(kind: str, values: list[Any]) -> NDArray[Any]:
-    return np.array([_UNKNOWN[kind] if value is None else value for value in values], dtype=_TYPES[kind])
 
 
 def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str], options: Options) -> Run:

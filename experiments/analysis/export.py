@@ -72,7 +72,7 @@ def estimate_rows(record: Record) -> Iterator[tuple[Any, ...]]:
 
 
 def frame_rows(record: Record) -> Iterator[tuple[Any, ...]]:
-    """One row for each offered frame with its whole story, in the order of FRAME_COLUMNS."""
+    """One row for each offered frame with all that is known of it, in the order of FRAME_COLUMNS."""
     for frames in frame_fates(record).values():
         yield from frames
 
@@ -81,7 +81,7 @@ def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
     """Flat arrays of a run.
 
     "<quantity>.agent" (n,) text, ".time_ns" and ".sample" (n,) int64, ".value", ".oracle" and ".truth" (n, k) float64;
-    "frames.<field>" (m,) for each field of a story: text, −1 for a number that is not known.
+    "frames.<field>" (m,) as in `frame_columns`.
     """
     found: dict[str, np.ndarray[Any, Any]] = {}
     for quantity, judged in record.evaluated.quantities.items():
@@ -91,12 +91,18 @@ def arrays(record: Record) -> dict[str, np.ndarray[Any, Any]]:
             found[f"{quantity}.{name}"] = np.concatenate([getattr(mine, name) for mine in series.values()])
         for name, reference in (("oracle", judged.central), ("truth", judged.truth)):
             found[f"{quantity}.{name}"] = np.concatenate([reference[agent] for agent in series])
+    return found | {f"frames.{field}": values for field, values in frame_columns(record).items()}
+
+
+def frame_columns(record: Record) -> dict[str, np.ndarray[Any, Any]]:
+    """Field of `FrameFate` → its value for each frame, (m,); "" or −1 where it is not known."""
     frames = list(frame_rows(record))
+    columns: dict[str, np.ndarray[Any, Any]] = {}
     for number, (field, kind) in enumerate(FRAME_COLUMNS.items()):
-        missing: Any = "" if kind == "VARCHAR" else -1
-        values = [missing if frame[number] is None else frame[number] for frame in frames]
-        found[f"frames.{field}"] = np.array(values, dtype={"VARCHAR": str, "BIGINT": np.int64, "BOOLEAN": bool}[kind])
-    return found
+        unknown: Any = "" if kind == "VARCHAR" else -1
+        values = [unknown if frame[number] is None else frame[number] for frame in frames]
+        columns[field] = np.array(values, dtype={"VARCHAR": str, "BIGINT": np.int64, "BOOLEAN": bool}[kind])
+    return columns
 
 
 def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[tuple[Any, ...]]) -> None:

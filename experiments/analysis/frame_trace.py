@@ -95,6 +95,7 @@ def frame_text(frame: FrameFate) -> str:
     due = "" if frame.due_ns is None else f"due {frame.due_ns / 1e9:.6f} s"
     notes = [
         (bool(frame.copy), "duplicate"),
+        (frame.held_until_ns is not None, f"held until {(frame.held_until_ns or 0) / 1e9:.6f} s"),
         (frame.behind_ns is not None, f"{(frame.behind_ns or 0) / 1e6:.3f} ms late"),
         (frame.contradicted, "accounts contradict each other"),
     ]

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from ...agents.journal import Arrived, Batch, Dropped, Heard, Late, Released, Sent
 from ...transport.faults import Kill, LinkName
 from ...transport.links import ACCESS, COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST
-from .record import Life, Record, last_ns
+from .record import Life, Record
 
 REFUSED, QUEUE = "refused", "queue"
 IN_FLIGHT, UNKNOWN, MISSING = "in-flight", "unknown", "missing"
@@ -292,7 +292,7 @@ class _Absences:
                 self.of[fault.agent].append(_Absence(fault.at_ns, until_ns, True))
                 self.kills[fault.agent] += 1
         for life in self.broken_off:
-            from_ns = last_ns(record.batches[life]) if life in record.batches else 0
+            from_ns = record.batches[life].last_ns if life in record.batches else 0
             self.of[life[0]].append(_Absence(from_ns, self._until_ns(record, life), False))
 
     def _until_ns(self, record: Record, life: Life) -> int:

@@ -53,7 +53,9 @@ class Record:
     @cached_property
     def last_ns(self) -> int:
         """The end of the run, or the latest instant of which anything was written down."""
-        return max(map(last_ns, self.batches.values()), default=0) if self.end_ns is None else self.end_ns
+        return (
+            max((batch.last_ns for batch in self.batches.values()), default=0) if self.end_ns is None else self.end_ns
+        )
 
     @cached_property
     def faults(self) -> tuple[Fault, ...]:
@@ -201,13 +203,6 @@ def _series(agent: str, reports: list[Estimate], width: int) -> Series:
         np.array([report.sample for report in reports], dtype=np.int64),
         np.array([report.value for report in reports], dtype=np.float64).reshape(len(reports), width),
     )
-
-
-def last_ns(batch: Batch) -> int:
-    """The latest nominal time, in nanoseconds, of anything that an agent wrote down; 0 for nothing."""
-    times = [estimate.time_ns for estimate in batch.estimates] + [sent.start_ns for sent in batch.sent]
-    times += [entry.due_ns for entry in batch.heard] + [dropped.time_ns for dropped in batch.dropped]
-    return max(times, default=0)
 
 
 class Collector:

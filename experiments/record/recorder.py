@@ -93,10 +93,10 @@ class Recorder:
             self._write(f"{who}/{ESTIMATES}", ESTIMATES, time_ns, {"incarnation": batch.incarnation, **estimate})
         if any(getattr(batch, name) for name in FACT_ROWS):
             facts = {name: [row_to_json(row) for row in getattr(batch, name)] for name in FACT_ROWS}
-            self._write(f"{who}/{FACTS}", FACTS, _latest_fact_ns(batch), {"incarnation": batch.incarnation, **facts})
+            self._write(f"{who}/{FACTS}", FACTS, batch.last_ns, {"incarnation": batch.incarnation, **facts})
         rows = {name: getattr(batch, name) for name in FRAME_ROWS}
         if any(rows.values()):
-            self._write(f"{who}/{FRAMES}", FRAMES, _latest_ns(batch), {"incarnation": batch.incarnation, **rows})
+            self._write(f"{who}/{FRAMES}", FRAMES, batch.last_ns, {"incarnation": batch.incarnation, **rows})
         for event in batch.events:
             time_ns = event.get("time_ns", self._now_ns)
             self._write(f"{who}/{EVENTS}", EVENTS, time_ns, {"incarnation": batch.incarnation, "event": tag(event)})
@@ -116,16 +116,3 @@ class Recorder:
             self._counts[topic] = 0
         self._writer.add_message(self._channels[topic], time_ns, dump(message), time_ns, self._counts[topic])
         self._counts[topic] += 1
-
-
-def _latest_ns(batch: Batch) -> int:
-    times = [sent.start_ns for sent in batch.sent]
-    times += [heard.due_ns for heard in batch.heard] + [late.due_ns for late in batch.late]
-    times += [dropped.time_ns for dropped in batch.dropped] + [released.time_ns for released in batch.released]
-    times += [arrived.handed_ns for arrived in batch.arrived]
-    return max(times)
-
-
-def _latest_fact_ns(batch: Batch) -> int:
-    times = [taken.time_ns for taken in batch.samples] + [command.time_ns for command in batch.commands]
-    return max(times + [payload.time_ns for payload in batch.payloads])

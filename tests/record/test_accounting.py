@@ -63,7 +63,7 @@ def test_duplicates_count_apart_from_what_was_offered(record_of: Make, sent: Mak
     assert (lost.offered, lost.duplicated, lost.missing, lost.closes) == (2, 1, 1, False)
 
 
-def test_frame_without_story_is_missing(record_of: Make, sent: Make, heard: Make) -> None:
+def test_frame_that_nobody_heard_is_missing(record_of: Make, sent: Make, heard: Make) -> None:
     """A frame that was sent, due before the end and never heard is the middleware's loss: the sum stays open."""
     one = of_link(record_of(Batch("1", 0, sent=[sent(0, 0), sent(1, 10)]), Batch("2", 0, heard=[heard(1, 10)])))
     assert (one.missing, one.closes) == (1, False)
@@ -213,7 +213,7 @@ def test_late_frames_and_incarnations_are_kept_apart(record_of: Make, sent: Make
     one = of_link(record)
     assert one.closes
     assert (one.offered, one.delivered, one.late) == (2, 2, 1)
-    assert [story.behind_ns for story in frame_fates(record)[LINK]] == [None, 9 * MS]
+    assert [frame.behind_ns for frame in frame_fates(record)[LINK]] == [None, 9 * MS]
 
 
 def test_broken_off_run_has_no_missing_frames(plan_of: Make, sent: Make, heard: Make) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from volery.agents.journal import Batch, Dropped, Late
+from volery.agents.journal import Batch, Dropped, Late, Released
 from volery.experiments.analysis.frame_trace import SELECTABLE, Selection, trace
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
@@ -23,6 +23,7 @@ def record(record_of: Make, sent: Make, heard: Make) -> Record:
     sender.dropped.append(Dropped("2", 2, 20 * MS, "refused"))
     receiver = Batch("2", 0, heard=[heard(0, 0), heard(1, 10, "loss"), heard(4, 40)])
     receiver.late.append(Late("1", 0, 0, 5 * MS, 2 * MS))
+    receiver.released.append(Released("1", 0, 4, 60 * MS))
     died = {"event": "died", "agent": "2", "incarnation": 0, "time_ns": 900 * MS, "cause": "injected"}
     faults = (LinkFault("t1", 10 * MS, 30 * MS, (("2", "1"),), {"cut": True}), Kill("t2", 900 * MS, None, "2"))
     made: Record = record_of(sender, receiver, events=[died], faults=faults)
@@ -43,7 +44,7 @@ def test_lines_in_the_order_of_time(record: Record) -> None:
         "0.020000 s 1→2 #2 refused",
         "0.020000 s 1→2 #3 missing",
         "0.030000 s fault t1 ends: cut 2→1",
-        "0.040000 s 1→2 #4 10 B on air 2.000 ms due 0.045000 s delivered",
+        "0.040000 s 1→2 #4 10 B on air 2.000 ms due 0.045000 s delivered, held until 0.060000 s",
         "0.900000 s fault t2 begins: kill 2",
         "0.900000 s agent 2 died: injected, life 0",
     ]
