@@ -27,7 +27,7 @@ from volery.experiments.record.samples import samples
 from volery.experiments.scenario.fault_labels import fault_label
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
-from volery.topologies import MODULE_SPACING, Position, ball, normalised_connectivity, positions, random_hexagonal
+from volery.topologies import MODULE_SPACING, Position, ball, laplacian, positions, random_hexagonal
 from volery.transport.links import NANOSECONDS
 from volery.worlds.plane.distance_sensors import Infrared, curves
 from volery.worlds.plane.plane_world import PlaneWorld
@@ -140,6 +140,13 @@ def first_round(graph: nx.Graph) -> int:
         return next(k for k in range(len(place)) if noncollinear([place[near] for near in ball(graph, name, k)]))
 
     return max(map(rounds, place))
+
+
+def normalised_connectivity(graph: nx.Graph) -> float:
+    """λ_2 of the normalised Laplacian D^(−1/2) L D^(−1/2) of a connected graph."""
+    matrix = laplacian(graph)
+    roots = np.sqrt(np.diag(matrix))
+    return float(np.linalg.eigvalsh(matrix / np.outer(roots, roots))[1])
 
 
 def fig5(figure: Figure) -> Iterator[str]:

@@ -3,12 +3,12 @@
 A topology is a networkx graph of named agents, validated once and listed in natural order: generators, arrays of
 flying-array modules, files, the proximity graph of agents that move, and `build` for a scenario's `topology:` mapping.
 Graphs that change are a union of all edges with the spans in which each is there: `build_over_time`.
-Beside them stand what follows from a graph: consensus weights, spectra and distances, colourings for slot plans.
+Beside them stand what follows from a graph: consensus weights, spectra and distances, a colouring for slot plans.
 """
 
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
 from .building import build
-from .colouring import edge_colouring, node_colouring
+from .colouring import node_colouring
 from .fastest_mixing import fastest_mixing
 from .files import read
 from .formations import formation, formation_state
@@ -25,7 +25,6 @@ from .spectra import (
     diameter,
     laplacian,
     laplacian_spectrum,
-    normalised_connectivity,
     rounds_to,
 )
 from .weights import Weights, constant_edge, maximum_degree, metropolis, metropolis_weight, weight_matrix
@@ -48,7 +47,6 @@ __all__ = [
     "contraction",
     "diameter",
     "disconnected",
-    "edge_colouring",
     "edges",
     "edges_at",
     "erdos_renyi",
@@ -71,7 +69,6 @@ __all__ = [
     "natural_key",
     "neighbours",
     "node_colouring",
-    "normalised_connectivity",
     "ordered",
     "positions",
     "proximity",

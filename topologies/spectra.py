@@ -31,17 +31,6 @@ def algebraic_connectivity(graph: nx.Graph) -> float:
     return float(laplacian_spectrum(graph)[1])
 
 
-def normalised_connectivity(graph: nx.Graph) -> float:
-    """λ_2 of the normalised Laplacian D^(−1/2) L D^(−1/2): the connectivity of Kriegleder 2012, Fig. 5.
-
-    The row of an agent without neighbours is zero.
-    """
-    matrix = laplacian(graph)
-    degrees = np.diag(matrix)
-    roots = np.sqrt(np.divide(1.0, degrees, out=np.zeros_like(degrees), where=degrees > 0))
-    return float(np.linalg.eigvalsh(roots[:, np.newaxis] * matrix * roots)[1])
-
-
 def contraction(matrix: NDArray[np.float64]) -> float:
     """Predicted factor by which one round x⁺ = W x shrinks the disagreement in the long run.
 

@@ -11,7 +11,6 @@ averaging has ρᵏ. Each round counts on the one before: a lost message does mo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -31,18 +30,6 @@ class Chebyshev:
     averaging: Averaging
     before: NDArray[np.float64]
     omega: float
-
-
-def chebyshev_bound(contraction: float, rounds: int) -> float:
-    """Largest part of the disagreement that so many rounds leave: 1 / T_k(1/ρ).
-
-    Raises:
-        BadInput: ρ outside (0, 1), or fewer than 0 rounds.
-    """
-    _check(contraction)
-    if rounds < 0:
-        raise BadInput(f"rounds is {rounds}, it must be at least 0")
-    return 1.0 / math.cosh(rounds * math.acosh(1.0 / contraction))
 
 
 def chebyshev_law(contraction: float) -> ConsensusLaw[Chebyshev]:

@@ -5,13 +5,10 @@ Letters: c = (1, r_Y, −r_X) row of a module, m distance [m], P = cᵀc and q =
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..averages.averaging import weighted_average
-from ..information import InformationPair, pack_pair, packed_size, unpack_pair
+from ..information import InformationPair, packed_size
 from .least_squares import WELL_CONDITIONED, well_conditioned
 from .plane import design_row
 
@@ -47,23 +44,3 @@ def estimate(pair: InformationPair, tolerance: float = WELL_CONDITIONED) -> NDAr
     if not well_conditioned(pair.P, tolerance):
         return None
     return np.asarray(np.linalg.solve(pair.P, pair.q), dtype=np.float64)
-
-
-def metropolis_round(
-    own: InformationPair, received: Mapping[str, InformationPair], weights: Mapping[str, float]
-) -> InformationPair:
-    """One round of weighted averaging of information pairs with the neighbours that were heard.
-
-    P⁺ = w_ii P + Σ_j w_ij P_j,  q⁺ likewise            Kriegleder 2012, (24)-(25)
-
-    Args:
-        own: the own pair.
-        received: neighbour → its pair of this round.
-        weights: neighbour → w_ij, dimensionless, ≥ 0, sum ≤ 1.
-    Returns:
-        The new pair; arguments are untouched.
-    Raises:
-        BadInput: a neighbour without a weight, a negative weight, or a sum of weights above one.
-    """
-    vectors = {name: pack_pair(pair) for name, pair in received.items()}
-    return unpack_pair(weighted_average(pack_pair(own), vectors, weights))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import islice
 from types import ModuleType
@@ -9,6 +10,8 @@ from typing import Any, NamedTuple
 
 import pytest
 from matplotlib.figure import Figure
+
+from volery.topologies import complete, ring, star
 
 from .conftest import DOCS
 
@@ -62,3 +65,11 @@ def test_figures_of_links_that_take_a_moment(script: Callable[[str], ModuleType]
     told = [f"{name}: {line}" for name, draw in drawn.items() for line in draw(Figure())]
     assert len(told) > len(drawn) > 10
     assert [line for line in told if line not in quoted] == []
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_normalised_connectivity_in_closed_form(count: int, script: Callable[[str], ModuleType]) -> None:
+    """Complete graph: N/(N − 1). Star: 1. Ring: 1 − cos(2π/N)."""
+    expected = {complete: count / (count - 1), star: 1.0, ring: 1 - math.cos(2 * math.pi / count)}
+    connectivity = script("kriegleder").normalised_connectivity
+    assert {make: connectivity(make(count)) for make in expected} == pytest.approx(expected, abs=1e-12)

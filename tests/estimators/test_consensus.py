@@ -1,5 +1,7 @@
 """Consensus on information pairs."""
 
+from collections.abc import Mapping
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 from volery.errors import BadInput
 from volery.estimators.averages.averaging import weighted_average
 from volery.estimators.flying_array.least_squares import centralised_estimate
-from volery.estimators.flying_array.metropolis import estimate, initial_pair, metropolis_round
+from volery.estimators.flying_array.metropolis import estimate, initial_pair
 from volery.estimators.flying_array.plane import design_row
 from volery.estimators.information import InformationPair, pack_pair, unpack_pair
 from volery.randomness import stream
@@ -25,11 +27,19 @@ def neighbour_weights(graph: nx.Graph) -> dict[str, dict[str, float]]:
     return {i: {j: w for j, w in row.items() if j != i} for i, row in metropolis(graph).items()}
 
 
+def averaged(
+    own: InformationPair, received: Mapping[str, InformationPair], weights: Mapping[str, float]
+) -> InformationPair:
+    """One round of weighted averaging of pairs, Kriegleder 2012, (24)-(25)."""
+    vectors = {name: pack_pair(pair) for name, pair in received.items()}
+    return unpack_pair(weighted_average(pack_pair(own), vectors, weights))
+
+
 def one_round(
     graph: nx.Graph, pairs: dict[str, InformationPair], weights: dict[str, dict[str, float]]
 ) -> dict[str, InformationPair]:
     """A round in which all hear all their neighbours."""
-    return {i: metropolis_round(pairs[i], {j: pairs[j] for j in graph[i]}, weights[i]) for i in graph}
+    return {i: averaged(pairs[i], {j: pairs[j] for j in graph[i]}, weights[i]) for i in graph}
 
 
 def told(pair: InformationPair) -> NDArray[np.float64]:
@@ -106,7 +116,7 @@ def test_without_noise_every_pattern_of_lost_frames_leaves_the_estimate_exact(se
             draw += 1
             if lost.uniform(draw) >= loss:
                 heard[j][i] = pairs[i]
-        pairs = {name: metropolis_round(pairs[name], heard[name], weights[name]) for name in graph}
+        pairs = {name: averaged(pairs[name], heard[name], weights[name]) for name in graph}
     for pair in pairs.values():
         found = estimate(pair)
         if found is not None:  # rounding of 1e-16 over the smallest eigenvalue that passes, 1e-5

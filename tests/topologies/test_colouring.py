@@ -1,4 +1,4 @@
-"""Colourings for slot plans."""
+"""The colouring for slot plans."""
 
 from itertools import combinations
 
@@ -19,34 +19,6 @@ def _named(count: int, probability: float, seed: int) -> nx.Graph:
 GRAPHS = st.builds(_named, st.integers(1, 14), st.floats(0.05, 1.0), st.integers(0, 10**6))
 
 
-@given(GRAPHS)
-def test_edge_colouring_is_proper_and_small(graph: nx.Graph) -> None:
-    """Edges that share an agent differ; at most Δ + 1 colours; Δ on bipartite graphs; every edge has one."""
-    colours = topologies.edge_colouring(graph)
-    assert list(colours) == topologies.edges(graph)
-    for agent in graph:
-        own = [colour for edge, colour in colours.items() if agent in edge]
-        assert len(set(own)) == len(own)
-    largest = max((degree for _, degree in graph.degree), default=0)
-    assert max(colours.values(), default=-1) <= (largest - 1 if nx.is_bipartite(graph) else largest)
-
-
-@pytest.mark.parametrize(
-    ("graph", "count"),
-    [
-        (topologies.complete(5), 5),
-        (topologies.ring(5), 3),
-        (topologies.ring(6), 2),
-        (topologies.grid(3, 4), 4),
-        (topologies.star(7), 6),
-        (topologies.complete(7), 7),
-    ],
-)
-def test_known_numbers_of_edge_colours(graph: nx.Graph, count: int) -> None:
-    """Odd rings and odd complete graphs need Δ + 1 colours, bipartite graphs Δ."""
-    assert len(set(topologies.edge_colouring(graph).values())) == count
-
-
 @given(GRAPHS, st.integers(1, 3))
 def test_node_colouring_separates_within_the_distance(graph: nx.Graph, distance: int) -> None:
     """Agents within the distance differ, and the number of colours keeps its bound."""
@@ -60,12 +32,11 @@ def test_node_colouring_separates_within_the_distance(graph: nx.Graph, distance:
 
 
 @given(GRAPHS, st.data())
-def test_colourings_do_not_depend_on_the_order_of_arrival(graph: nx.Graph, data: st.DataObject) -> None:
+def test_a_colouring_does_not_depend_on_the_order_of_arrival(graph: nx.Graph, data: st.DataObject) -> None:
     """The same graph built in another order gets the same colours."""
     other = nx.Graph()
     other.add_nodes_from(data.draw(st.permutations(list(graph))))
     other.add_edges_from((second, first) for first, second in data.draw(st.permutations(list(graph.edges()))))
-    assert topologies.edge_colouring(other) == topologies.edge_colouring(graph)
     assert topologies.node_colouring(other) == topologies.node_colouring(graph)
 
 

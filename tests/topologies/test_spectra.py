@@ -27,21 +27,10 @@ def test_spectra_in_closed_form(count: int) -> None:
     assert topologies.algebraic_connectivity(topologies.line(count)) == pytest.approx(line, abs=EIGENVALUE)
 
 
-@given(st.integers(3, 12))
-def test_normalised_connectivity_in_closed_form(count: int) -> None:
-    """Complete graph: N/(N − 1). Star: 1. Ring: 1 − cos(2π/N)."""
-    complete = topologies.normalised_connectivity(topologies.complete(count))
-    assert complete == pytest.approx(count / (count - 1), abs=EIGENVALUE)
-    assert topologies.normalised_connectivity(topologies.star(count)) == pytest.approx(1, abs=EIGENVALUE)
-    ring = 1 - math.cos(2 * math.pi / count)
-    assert topologies.normalised_connectivity(topologies.ring(count)) == pytest.approx(ring, abs=EIGENVALUE)
-
-
 def test_connectivity_of_parts_is_zero() -> None:
     """A graph in two parts has no connectivity, also where an agent is all alone, and no diameter."""
     graph = topologies.proximity({"a": (0, 0), "b": (1, 0), "c": (9, 0)}, 2.0)
     assert topologies.algebraic_connectivity(graph) == pytest.approx(0, abs=EIGENVALUE)
-    assert topologies.normalised_connectivity(graph) == pytest.approx(0, abs=EIGENVALUE)
     with pytest.raises(BadInput, match="not connected has no diameter"):
         topologies.diameter(graph)
 

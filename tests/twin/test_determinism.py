@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -28,10 +29,9 @@ OVERRIDES = ("duration=1 s", "links.loss=0.2", "faults=[{at: 300 ms, until: 600 
 PROGRAM = """
 import sys
 from hashlib import sha256
-from volery.experiments.record.canonical import canonical
-from volery.experiments.record.record import Collector
+from canonical import canonical
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.twin import Twin, recorded
+from volery.experiments.twin import recorded
 for _ in range(int(sys.argv[1])):
     plan = load_scenario(sys.argv[2], sys.argv[3:]).plan
     print(sha256(canonical(recorded(plan))).hexdigest())
@@ -40,7 +40,8 @@ for _ in range(int(sys.argv[1])):
 
 def journals(python: str, hash_seed: int, runs: int) -> list[str]:
     """Digests of the canonical journals of runs in a process of its own."""
-    environment = {**os.environ, "PYTHONHASHSEED": str(hash_seed)}
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": path}
     command = [python, "-c", PROGRAM, str(runs), SCENARIO, *OVERRIDES]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     return done.stdout.split()

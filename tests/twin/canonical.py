@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgpack
 
-from ...topologies import natural_key
-from .record import Record
+from volery.experiments.record.record import Record
+from volery.topologies import natural_key
 
 
 def canonical(record: Record) -> bytes:
