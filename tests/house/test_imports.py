@@ -16,12 +16,7 @@ FILES = {
     for path in (folder.glob("*.py") if folder == PACKAGE else folder.rglob("*.py"))
 }
 """Module → its file; the folders of the package are links, which `rglob` alone does not follow."""
-KNOWN = {
-    "scenario.py",
-    "volery.worlds.formation.formation_flight",
-    "volery.worlds.formation.formation_world",
-    "volery.worlds.formation.contacts",
-}
+KNOWN = {"scenario.py"}
 """Not yet untangled."""
 
 

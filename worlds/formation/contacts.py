@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...rotation_columns import norms
-
-if TYPE_CHECKING:
-    from .formation_world import FormationWorld
+from .formation_description import FormationDescription
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +16,7 @@ Floats = NDArray[np.float64]
 class Contacts:
     """What touches what, looked at from time to time."""
 
-    def __init__(self, world: FormationWorld) -> None:
+    def __init__(self, world: FormationDescription) -> None:
         self._agents = world.agents
         self._nearest = 2.0 * world.vehicle.radius
         self._ground = world.ground

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,22 +22,19 @@ from ...units import period_ns
 from . import camera
 from .air import Swirl, Weather
 from .contacts import Contacts
+from .formation_description import CAMERA, FormationDescription
 from .imu import Units
 from .vehicles import Orders, State, accelerations, at_rest, step
 
-if TYPE_CHECKING:
-    from .formation_world import FormationWorld
-
 Floats = NDArray[np.float64]
-CAMERA, IMU = "camera", "imu"
 COMMANDS = {"thrust": 3, "yaw-rate": 1}
 _NEVER_NS = 2**63 - 1
 
 
 class RunningFormation:
-    """The vehicles of a `FormationWorld`, in the beginning at rest."""
+    """The vehicles of a `FormationDescription`, in the beginning at rest."""
 
-    def __init__(self, world: FormationWorld) -> None:
+    def __init__(self, world: FormationDescription) -> None:
         self._world = world
         self._number = {agent: number for number, agent in enumerate(world.agents)}
         self._now_ns = self._kept_ns = self._step_ns = 0
@@ -203,7 +200,7 @@ class RunningFormation:
         return self._number[agent]
 
 
-def _hovering(world: FormationWorld) -> State:
+def _hovering(world: FormationDescription) -> State:
     half = 0.5 * np.array(world.headings)
     attitudes = np.array((np.cos(half), np.zeros_like(half), np.zeros_like(half), np.sin(half)))
     return at_rest(np.array(world.places).T.copy(), attitudes)
