@@ -137,25 +137,14 @@ def nees(errors: ArrayLike, covariances: ArrayLike) -> NDArray[np.float64]:
     Returns:
         Shape (…), dimensionless.
     """
-    return _normalised_square(errors, covariances)
-
-
-def nis(innovations: ArrayLike, covariances: ArrayLike) -> NDArray[np.float64]:
-    """Normalised innovation squared: of a consistent filter it is χ² with as many degrees of freedom as measurements.
-
-    ε = νᵀ S⁻¹ ν            Bar-Shalom, Li and Kirubarajan 2001, (5.4.2-2)
-
-    Args:
-        innovations: measurement minus prediction, shape (…, m).
-        covariances: of the innovations, shape (…, m, m), positive definite.
-    Returns:
-        Shape (…), dimensionless.
-    """
-    return _normalised_square(innovations, covariances)
+    difference = np.asarray(errors, dtype=np.float64)[..., np.newaxis]
+    weighted = np.linalg.solve(np.asarray(covariances, dtype=np.float64), difference)
+    square: NDArray[np.float64] = (difference * weighted).sum(axis=(-2, -1))
+    return square
 
 
 def chi_square_bounds(dimension: int, samples: int = 1, confidence: float = 0.95) -> tuple[float, float]:
-    """Bounds between which the mean NEES or NIS of a consistent filter lies with this probability, tails alike.
+    """Bounds between which the mean NEES of a consistent filter lies with this probability, tails alike.
 
     Args:
         dimension: degrees of freedom of one value, ≥ 1.
@@ -194,10 +183,3 @@ def _series(times_ns: ArrayLike, errors: ArrayLike) -> tuple[NDArray[np.int64], 
     if times.ndim != 1 or times.shape != values.shape:
         raise BadInput(f"times have shape {times.shape} and errors {values.shape}: give one error for each time")
     return times, values
-
-
-def _normalised_square(vectors: ArrayLike, covariances: ArrayLike) -> NDArray[np.float64]:
-    difference = np.asarray(vectors, dtype=np.float64)[..., np.newaxis]
-    weighted = np.linalg.solve(np.asarray(covariances, dtype=np.float64), difference)
-    square: NDArray[np.float64] = (difference * weighted).sum(axis=(-2, -1))
-    return square

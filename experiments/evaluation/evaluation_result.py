@@ -122,7 +122,7 @@ def load_evaluation(path: Path) -> EvaluationResult | None:
         BadInput: it is damaged, or of another version.
     """
     try:
-        with np.load(path) as file:
+        with path.open("rb") as opened, np.load(opened) as file:
             about = json.loads(str(file[_ABOUT]))
             if about.pop("version") != VERSION:
                 raise BadInput(f"{path} is of another version of volery: `volery evaluate` makes it anew")

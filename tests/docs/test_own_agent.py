@@ -55,8 +55,8 @@ def mean_temperature() -> float:
 
 
 def test_the_agent_is_short() -> None:
-    """A complete agent of one's own takes no more than 40 lines."""
-    assert len(AGENT.splitlines()) <= 40
+    """A complete agent of one's own, with what judges it, takes no more than 45 lines."""
+    assert len(AGENT.splitlines()) <= 45
 
 
 @pytest.mark.usefixtures("room")

@@ -1,0 +1,248 @@
+"""The evaluation of a run: what it is told, what it leaves in the folder, and what readers make of that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from volery.agents.agent import Agent, Received, Sample
+from volery.agents.journal import Taken
+from volery.agents.plan import Plan
+from volery.errors import BadInput
+from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.evaluation.evaluation import Evaluation, Series, evaluation_class
+from volery.experiments.evaluation.evaluation_result import EvaluationResult, load_evaluation, save_evaluation
+from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
+from volery.experiments.record.record import Record, load
+from volery.experiments.record.recorder import Recorder
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.schema import resolved_yaml
+from volery.experiments.twin import Twin, recorded
+from volery.transport.faults import ClockFault, Kill, Pause, SensorFault
+
+MS = 1_000_000
+Floats = NDArray[np.float64]
+PlanOf = Callable[..., Plan]
+Events = list[tuple[str, int, str, object]]
+Told = Callable[..., tuple[Record, Events]]
+
+
+class Ramp:
+    """A world whose one sensor counts up from 0 at 10 Hz; the truth is the time in seconds."""
+
+    def sensors(self, agent: str) -> Mapping[str, float]:
+        """The counter."""
+        return {"count": 10.0}
+
+    def measure(self, agent: str, sensor: str, index: int) -> Floats | None:
+        """Nothing at the third sample."""
+        return None if index == 2 else np.array([float(index)])
+
+    def truth(self, time_ns: int) -> Floats:
+        """Seconds."""
+        return np.array([time_ns / 1e9])
+
+
+class Ledger(Evaluation):
+    """Keeps what it is told, in order."""
+
+    needs_payloads = True
+    told: ClassVar[Events] = []
+
+    def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:
+        super().__init__(plan, world_reports)
+        self.told.clear()
+
+    def sampled(self, agent: str, sample: Sample) -> None:
+        """A sample."""
+        value = None if sample.value is None else sample.value.tolist()
+        self.told.append(("sampled", sample.time_ns, agent, value))
+
+    def received(self, agent: str, frame: Received) -> None:
+        """A frame."""
+        self.told.append(("received", frame.time_ns, agent, (frame.source, frame.payload)))
+
+    def instant(self, agent: str, quantity: str, index: int, time_ns: int) -> int:
+        """That of the sample."""
+        return index * 100 * MS
+
+    def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> Floats:
+        """The number of samples so far."""
+        self.told.append(("asked", time_ns, agent, index))
+        return np.array([sum(what == "sampled" for what, *_ in self.told)])
+
+
+class Teller(Agent):
+    """Tells its neighbours each sample, and reports it 20 ms late."""
+
+    evaluation = Ledger
+
+    def on_sample(self, sample: Sample) -> None:
+        """Send it; the report is due later."""
+        self.context.broadcast(bytes([sample.index]))
+        self.context.set_timer(self.context.now_ns + 20 * MS, index=sample.index)
+
+    def on_timer(self, timer: object) -> None:
+        """Report."""
+        self.context.report("count", [0.0], timer.index)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def told(plan_of: PlanOf) -> Told:
+    """`told(faults)`: the record of two tellers for 450 ms, and what their evaluation was told."""
+
+    def run(*faults: object) -> tuple[Record, Events]:
+        plan = replace(plan_of([("1", "2")], 450, kind=Teller, faults=faults), world=Ramp(), keeps_payloads=True)
+        record = recorded(plan)
+        return record, list(Ledger.told)
+
+    return run
+
+
+def test_everything_is_told_in_the_order_of_events(
+    told: Told,
+) -> None:
+    """Samples of an instant, then questions about it, though reports come later; frames 6 ms after their samples."""
+    _, events = told()
+    assert [time_ns for _, time_ns, *_ in events] == sorted(time_ns for _, time_ns, *_ in events)
+    of_third = [event for event in events if 200 * MS <= event[1] < 300 * MS]
+    assert of_third == [
+        ("sampled", 200 * MS, "1", None),
+        ("sampled", 200 * MS, "2", None),
+        ("asked", 200 * MS, "1", 2),
+        ("asked", 200 * MS, "2", 2),
+        ("received", 206 * MS, "1", ("2", b"\x02")),
+        ("received", 206 * MS, "2", ("1", b"\x02")),
+    ]
+
+
+def test_payloads_are_recorded_on_request_only(plan_of: PlanOf) -> None:
+    """They make a record larger."""
+    plan = replace(plan_of([("1", "2")], 450, kind=Teller), world=Ramp())
+    assert all(not batch.payloads for batch in recorded(plan).batches.values())
+
+
+def test_an_evaluation_sees_sensor_faults_and_nothing_of_the_dead(
+    told: Told,
+) -> None:
+    """Agent 2 is dead from 150 to 350 ms; the counter of 1 is 10 too high from 300 ms on."""
+    record, events = told(
+        Kill(id="k", at_ns=150 * MS, until_ns=350 * MS, agent="2"),
+        SensorFault("b", 300 * MS, None, "1", "count", "bias", (10.0,)),
+    )
+    samples = {(agent, time_ns // MS): value for what, time_ns, agent, value in events if what == "sampled"}
+    assert [time for agent, time in samples if agent == "2"] == [0, 100, 400]
+    assert samples["1", 300] == [13.0]
+    assert record.central("count")["1"].ravel().tolist() == [2, 4, 5, 6, 8]
+
+
+def test_samples_are_recorded_in_nominal_time(
+    told: Told,
+) -> None:
+    """Whatever the agent's own clock shows, and however long it stood still."""
+    record, _ = told(ClockFault("c", 50 * MS, None, "1", 30 * MS), Pause("p", 150 * MS, 350 * MS, "2"))
+    for life in (("1", 0), ("2", 0)):
+        assert [taken.time_ns // MS for taken in record.batches[life].samples] == [0, 100, 200, 300, 400]
+    assert record.batches["1", 0].samples[2] == Taken("count", 2, 200 * MS, None, None)
+
+
+def assert_same(found: EvaluationResult, expected: EvaluationResult) -> None:
+    """All arrays and texts, NaN included."""
+    np.testing.assert_equal(_plain(found), _plain(expected))
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if hasattr(value, "__dict__"):
+        return _plain(vars(value))
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("tracker", ("duration=3 s",)),
+        ("mav3", ("duration=1 s", "agents.report_covariance=5 Hz")),
+        ("dfa4", ("duration=1 s", "agents.report_rounds=true")),
+    ],
+)
+def test_an_evaluation_comes_back_from_its_file_as_it_was(name: str, changes: tuple[str, ...], tmp_path: Path) -> None:
+    """To the bit, with what is not known, and names of quantities with slashes."""
+    result = recorded(load_scenario(name, changes).plan).evaluated
+    save_evaluation(result, tmp_path / "evaluation.npz")
+    found = load_evaluation(tmp_path / "evaluation.npz")
+    assert found is not None
+    assert_same(found, result)
+    assert load_evaluation(tmp_path / "elsewhere.npz") is None
+
+
+def test_a_damaged_evaluation_is_named(tmp_path: Path) -> None:
+    """The message says what to do."""
+    (tmp_path / "evaluation.npz").write_bytes(b"PK\x03\x04 and no more")
+    with pytest.raises(BadInput, match=r"evaluation.npz is damaged .*`volery evaluate` makes it anew"):
+        load_evaluation(tmp_path / "evaluation.npz")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A second of the four-module array in the twin, evaluated."""
+    loaded = load_scenario("dfa4", ["duration=1 s"])
+    (tmp_path / "scenario.yaml").write_text(resolved_yaml(loaded.scenario), "utf-8")
+    with Recorder(tmp_path) as recorder:
+        Twin(loaded.plan, recorder).run()
+    evaluate_run(load(tmp_path, loaded.plan, evaluated=False), tmp_path)
+    return tmp_path
+
+
+def test_a_run_is_judged_by_what_was_true_when_it_ran(folder: Path) -> None:
+    """Another altitude written into its scenario afterwards changes none of its errors."""
+    before = compute_metrics(load(folder)).quantities["estimate"]
+    scenario = folder / "scenario.yaml"
+    text = scenario.read_text("utf-8")
+    assert "10 cm" in text
+    scenario.write_text(text.replace("10 cm", "40 cm"), "utf-8")
+    assert compute_metrics(load(folder)).quantities["estimate"] == before
+
+
+def test_without_an_evaluation_frames_are_counted_and_the_rest_is_said_to_be_missing(folder: Path) -> None:
+    """What reads estimates refuses with the remedy."""
+    whole = compute_metrics(load(folder))
+    (folder / "evaluation.npz").unlink()
+    record = load(folder)
+    metrics = compute_metrics(record)
+    assert metrics.links == whole.links
+    assert not metrics.quantities
+    assert "`volery evaluate RUN`" in metrics.not_evaluated
+    assert not whole.not_evaluated
+    with pytest.raises(BadInput, match="this run is not evaluated"):
+        record.truth("estimate")
+    assert_same(evaluated(record).evaluated, recorded(load_scenario("dfa4", ["duration=1 s"]).plan).evaluated)
+
+
+class Misjudged(Agent):
+    """Names a class that is no evaluation."""
+
+    evaluation: ClassVar[str | type] = Agent
+
+
+class Nowhere(Agent):
+    """Names a class that is not there."""
+
+    evaluation = "volery.experiments.evaluation.evaluation:Evaluator"
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [(Misjudged, "not a subclass of .*Evaluation"), (Nowhere, "cannot be loaded: .*Evaluator")],
+)
+def test_a_class_that_is_no_evaluation_is_refused(kind: type[Agent], reason: str) -> None:
+    """The message names the kind."""
+    with pytest.raises(BadInput, match=rf"evaluation of agent kind .*{kind.__name__}.* {reason}"):
+        evaluation_class(f"{kind.__module__}:{kind.__qualname__}")
