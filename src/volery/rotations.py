@@ -22,8 +22,6 @@ _Four = tuple[float, float, float, float]
 
 UNIT_WITHIN = 1e-6
 """A norm of 1, a matrix orthogonal or skew: to this much. Rounding stays far below, wrong units or axes far above."""
-_SMALL_ANGLE = 1e-2
-"""Up to here two terms of (θ − sin θ)/θ³ are exact to 2e-12; below it the difference itself loses digits."""
 
 
 # -- Quaternions --------------------------------------------------------------------------------------------------
@@ -229,41 +227,6 @@ def vee(S: Floats) -> Floats:
 def exp_so3(rotvec: Floats) -> Floats:
     """The rotation matrix exp(skew(v)) of a rotation vector v [rad], (3, 3)."""
     return np.array(_matrix(*_exp(*rotvec.tolist()))).reshape(3, 3)
-
-
-def right_jacobian(rotvec: Floats) -> Floats:
-    """The matrix J of a rotation vector v [rad] with exp(v + δ) = exp(v) ⊙ exp(J δ) to first order in δ, (3, 3).
-
-    J = 1 − (1 − cos θ) / θ² skew(v) + (θ − sin θ) / θ³ skew(v)², θ = ‖v‖ (Chirikjian 2012)
-    """
-    x, y, z = rotvec.tolist()
-    angle = math.hypot(x, y, z)
-    square = angle * angle
-    first = 2.0 * (math.sin(0.5 * angle) / angle) ** 2 if angle > 0.0 else 0.5
-    second = (angle - math.sin(angle)) / (square * angle) if angle > _SMALL_ANGLE else 1.0 / 6.0 - square / 120.0
-    one = 1.0 - second * square
-    return np.array(
-        (
-            one + second * x * x,
-            second * x * y + first * z,
-            second * x * z - first * y,
-            second * x * y - first * z,
-            one + second * y * y,
-            second * y * z + first * x,
-            second * x * z + first * y,
-            second * y * z - first * x,
-            one + second * z * z,
-        )
-    ).reshape(3, 3)
-
-
-def log_so3(R: Floats) -> Floats:
-    """The rotation vector [rad] of a rotation matrix, (3,), of length at most π; at π either sign of the axis.
-
-    Raises:
-        BadInput: R is not a rotation.
-    """
-    return log_quaternion(from_matrix(R))
 
 
 def project_so3(M: Floats) -> Floats:

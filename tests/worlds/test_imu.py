@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
-from volery.rotations import log_so3
+from volery.rotations import from_matrix, log_quaternion
 from volery.worlds.formation.imu import Imu, Units
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ def test_biases_and_miscalibrations_are_drawn_for_each_vehicle() -> None:
     within = 4 / math.sqrt(2 * 3 * len(MANY))
     for sensor, size in enumerate((0.005, 0.05, 0.005)):
         assert units.bias[:, 3 * sensor : 3 * sensor + 3].std() == pytest.approx(size, rel=within)
-    turns = np.array([log_so3(axes) for axes in units.axes])
+    turns = np.array([log_quaternion(from_matrix(axes)) for axes in units.axes])
     assert np.degrees(turns).std() == pytest.approx(1.0, rel=within)
     assert 1.0 < np.degrees(np.linalg.norm(turns, axis=1)).mean() < 2.0
 
