@@ -76,7 +76,7 @@ class Compass(Agent):
 
 
 def test_disagreement_is_that_of_the_tables(plan_of: Make) -> None:
-    """Root mean square, by the difference of the agents' class, of those who live: headings of 359°, 1° and 0°."""
+    """Root mean square, by the difference of the agents' class, of those who live and know: 359°, 1° and 0°."""
     plan = plan_of([("1", "2"), ("2", "3"), ("3", "4")], kind=Compass)
     collector = Collector()
     status = Status(plan)
@@ -89,3 +89,6 @@ def test_disagreement_is_that_of_the_tables(plan_of: Make) -> None:
     assert status.disagreement() == pytest.approx(samples(evaluated(collector.record(plan)), "heading").disagreement[0])
     status.alive = {"4"}
     assert status.disagreement() is None
+    sink(Batch("1", 0, [Estimate(0, "heading", 2, [np.nan])]))
+    status.alive = {"1", "2", "3"}
+    assert status.disagreement() == pytest.approx(np.deg2rad(0.5))
