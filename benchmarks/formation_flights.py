@@ -7,8 +7,10 @@ import time
 
 import numpy as np
 
+from volery.topologies import Formation
 from volery.units import period_ns
-from volery.worlds.scenario import build
+from volery.worlds.formation.air import Turbulence
+from volery.worlds.formation.formation_settings import FormationSettings
 
 RATE_HZ = 30.0
 LAG_NS = 11_000_000
@@ -17,7 +19,7 @@ LAG_NS = 11_000_000
 def flight(vehicles: int, seconds: float) -> dict[str, float]:
     """Processor time per nominal second, in milliseconds; every vehicle is in view of some other."""
     agents = [str(number) for number in range(1, vehicles + 1)]
-    world = build({"kind": "formation", "start": {"grid": "1.5 m"}, "turbulence": {"acceleration": 0}}, {}, 1, agents)
+    world = FormationSettings(start=Formation(grid=1.5), turbulence=Turbulence(acceleration=0.0)).build({}, 1, agents)
     running = world.begin()
     seen = 0
     start = time.process_time()

@@ -15,7 +15,8 @@ GUESS = (0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1)
 
 def flight() -> tuple[Any, Any, Any]:
     """Inputs (K, 6), measured values (K, 10) and true states (K, 8) of a roll of 0.1 rad that begins at 0.4 s."""
-    from volery.worlds.scenario import build
+    from volery.experiments.scenario.explaining import read
+    from volery.worlds.world_kinds import AnyWorld
 
     carried = {
         "imu": ["gyroscope", "accelerometer", "magnetometer"],
@@ -23,7 +24,7 @@ def flight() -> tuple[Any, Any, Any]:
         "ranges": [f"range_{place}" for place in ("centre", "front", "right", "back", "left")],
     }
     roll = {"steps": {"0 s": 0, "400 ms": "0.1 rad"}}
-    world = build({"kind": "quadrotor", "roll": roll, "sensors": carried}, {}, 7, list(carried))
+    world = read(AnyWorld, {"kind": "quadrotor", "roll": roll, "sensors": carried}).build({}, 7, list(carried))
     points = range(WARM + STEPS)
     seen = [
         np.concatenate([world.measure(agent, sensor, k) for agent in carried for sensor in carried[agent]])

@@ -21,7 +21,9 @@ from typing import Any
 import volery
 from volery import topologies
 from volery.errors import BadInput
+from volery.experiments.scenario.explaining import read as read_settings
 from volery.experiments.sweeps.sweep_results import Sweep
+from volery.topologies.over_time import Topology
 
 HERE = Path(__file__).parent
 TABLE = HERE / "contest.csv"
@@ -95,7 +97,10 @@ class Result:
 
 def one_way(graph: Mapping[str, Any]) -> str:
     """Loss in one direction of every edge of a graph."""
-    links = [f"{first}>{second}" for first, second in topologies.edges(topologies.build(graph, SCENARIO["seed"]))]
+    links = [
+        f"{first}>{second}"
+        for first, second in topologies.edges(read_settings(Topology, graph).build(SCENARIO["seed"]))
+    ]
     return f"links.only=[{{where: [{', '.join(links)}], loss: {{bernoulli: 0.6}}}}]"
 
 

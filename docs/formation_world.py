@@ -20,13 +20,14 @@ from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
 
 from volery.experiments.figures.run_figures import BLACK, BLUE, GREEN, GREY, PAGE_IN, SKY, STYLE, VERMILION
+from volery.experiments.scenario.explaining import read
 from volery.rotations import rotate
-from volery.topologies import formation
+from volery.topologies import Formation
 from volery.units import period_ns
 from volery.worlds.formation.formation_flight import RunningFormation
 from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.vehicles import Vehicle
-from volery.worlds.scenario import build
+from volery.worlds.world_kinds import AnyWorld
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +48,7 @@ LAG_NS = 11_000_000
 def world(count: int, **spec: Any) -> FormationWorld:
     """A formation as a scenario would have it."""
     agents = tuple(str(number) for number in range(1, count + 1))
-    found: FormationWorld = build({"kind": "formation", **spec}, {}, 1, agents)
+    found: FormationWorld = read(AnyWorld, {"kind": "formation", **spec}).build({}, 1, agents)
     return found
 
 
@@ -213,7 +214,7 @@ def flight(over_s: float) -> tuple[Floats, Floats, NDArray[np.bool_], list[dict[
         seen, and what happened.
     """
     described = world(3, start=BEFORE, camera={"horizontal": "60 deg"})
-    pilot = Pilot(described, (formation(BEFORE, 3), formation(AFTER, 3)), over_s)
+    pilot = Pilot(described, (read(Formation, BEFORE).of(3), read(Formation, AFTER).of(3)), over_s)
     running = described.begin()
     times, angles, sees, events = [], [], [], []
     for frame in range(round(END_S * RATE)):

@@ -1,20 +1,18 @@
 """Graphs and weights: what is a neighbour, and how much it counts.
 
 A topology is a networkx graph of named agents, validated once and listed in natural order: generators, arrays of
-flying-array modules, files, the proximity graph of agents that move, and `build` for a scenario's `topology:` mapping.
-Graphs that change are a union of all edges with the spans in which each is there: `build_over_time`.
+flying-array modules, files and the proximity graph of agents that move. What a scenario says of them is in
+`graph_settings`. Graphs that change, in `over_time`, are a union of all edges with the spans in which each is there.
 Beside them stand what follows from a graph: consensus weights, spectra and distances, a colouring for slot plans.
 """
 
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
-from .building import build
 from .colouring import node_colouring
 from .fastest_mixing import fastest_mixing
 from .files import read
-from .formations import formation, formation_state
+from .formations import Formation, formation_state
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
-from .over_time import build_over_time
 from .presence import Edge, Span, TimedGraph, disconnected, edges_at, mean_connectivity, mean_laplacian
 from .random_graphs import erdos_renyi, geometric, proximity, small_world
 from .regular import complete, grid, line, ring, star
@@ -32,6 +30,7 @@ from .weights import Weights, constant_edge, maximum_degree, metropolis, metropo
 __all__ = [
     "MODULE_SPACING",
     "Edge",
+    "Formation",
     "Position",
     "Span",
     "TimedGraph",
@@ -39,8 +38,6 @@ __all__ = [
     "agents",
     "algebraic_connectivity",
     "ball",
-    "build",
-    "build_over_time",
     "check_name",
     "complete",
     "constant_edge",
@@ -51,7 +48,6 @@ __all__ = [
     "edges_at",
     "erdos_renyi",
     "fastest_mixing",
-    "formation",
     "formation_state",
     "four_module_array",
     "from_edges",

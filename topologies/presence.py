@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -22,6 +22,8 @@ from .spectra import laplacian
 Edge = tuple[str, str]
 Span = tuple[int, int]
 """Half-open interval [from, until) in nanoseconds."""
+Places = Callable[[int], Mapping[str, Sequence[float] | NDArray[np.float64]]]
+"""Instant in nanoseconds → agent → (x, y) or (x, y, z) in metres."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,13 @@ class Csma:
 
     In its words: macMinBE, macMaxBE, macMaxCSMABackoffs, aUnitBackoffPeriod (20 symbols), the clear channel assessment
     (8 symbols) and aTurnaroundTime (12 symbols).
+
+    min_be: macMinBE, the smallest backoff exponent.
+    max_be: macMaxBE, the largest one.
+    max_backoffs: macMaxCSMABackoffs, attempts after the first.
+    period: aUnitBackoffPeriod.
+    cca: how long the channel is listened to.
+    turnaround: aTurnaroundTime.
     """
 
     min_be: int = 3

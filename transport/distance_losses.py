@@ -22,8 +22,15 @@ class Distance:
     so that its autocorrelation is exp(−t / decorrelation), the shape that Gudmundson 1991 measured.
 
     Letters: d distance of the ends when the airtime starts [m], X shadowing [dB].
-    `width` of the receiver's logistic curve; 0 makes it a threshold. The default reference loss is that of free space
-    over 1 m at 2.4 GHz.
+
+    exponent: 2 in free space, more indoors.
+    sensitivity: received power at which half the frames are lost.
+    power: of the transmitter.
+    reference_loss: at the reference distance; the default is that of free space over 1 m at 2.4 GHz.
+    reference_distance: of the reference loss.
+    width: of the receiver's logistic curve; 0 makes it a threshold.
+    shadowing: standard deviation of X.
+    decorrelation: mean time after which X is drawn anew.
     """
 
     exponent: float

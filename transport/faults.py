@@ -151,8 +151,8 @@ _KINDS: dict[str, Any] = {
             Tdma,
             Csma,
         ),
-        LOSSES.values(),
-        LATENCIES.values(),
+        LOSSES.classes(),
+        LATENCIES.classes(),
     )
     for kind in kinds
 }

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from typing import Annotated
 
 from ..errors import BadInput
 from ..randomness import Stream
+from ..units import Bounds, Probability
 from .probabilities import check_probability
 from .stages import LossStage, Memory, Steps, Surroundings
 
@@ -18,10 +20,13 @@ class Bernoulli:
 
     P(lost | the one before) = p + ρ(1 − p) after a loss and p − ρp after none: the two-state Markov chain with mean p
     and autocorrelation ρᵏ, in its stationary law from the first frame on. Long-run variance p(1−p)(1+ρ)/(1−ρ).
+
+    probability: p.
+    correlation: ρ, below 1.
     """
 
-    probability: float
-    correlation: float = 0.0
+    probability: Probability
+    correlation: Annotated[float, Bounds(least=0.0)] = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -86,12 +91,17 @@ class GilbertElliott:
 
     to_bad = P(good → bad), to_good = P(bad → good); stationary P(bad) = to_bad / (to_bad + to_good).
     Gilbert 1960; Elliott 1963. The first frame finds the chain in its stationary law.
+
+    to_bad: probability that a good frame is followed by a bad one.
+    to_good: probability that a bad frame is followed by a good one.
+    loss_bad: of a frame in the bad state.
+    loss_good: of a frame in the good state.
     """
 
-    to_bad: float
-    to_good: float
-    loss_bad: float = 1.0
-    loss_good: float = 0.0
+    to_bad: Probability
+    to_good: Probability
+    loss_bad: Probability = 1.0
+    loss_good: Probability = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds; a state that is never left makes the other one pointless."""
@@ -153,9 +163,12 @@ class _GilbertElliottStage:
 
 @dataclass(frozen=True)
 class BitError:
-    """Each bit is flipped independently; a frame of n bits is lost with probability 1 − (1 − p)ⁿ."""
+    """Each bit is flipped independently; a frame of n bits is lost with probability 1 − (1 − p)ⁿ.
 
-    probability: float
+    probability: p.
+    """
+
+    probability: Probability
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -205,6 +218,8 @@ class Frames:
     """Named frames are lost: sequence numbers of the link from 0, or pairs (first, last).
 
     The frames of each life of the sender are numbered anew. On a paired channel the numbers are those of slots.
+
+    lost: numbers, or first and last ones, as in [3, [10, 20]].
     """
 
     lost: tuple[int | tuple[int, int], ...]

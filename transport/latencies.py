@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..kinds import Kinds
 from ..units import Nanoseconds
 from .latency_laws import Gamma, LogNormal, Normal, Pareto, Uniform, check_latency
 from .stages import Latency, LatencyStage, Surroundings
@@ -29,7 +30,10 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Constant:
-    """Every frame takes the same time."""
+    """Every frame takes the same time.
+
+    value: the latency.
+    """
 
     value: Nanoseconds
 
@@ -107,12 +111,16 @@ class LatencyTrace:
         return lambda _index, end_ns: at(end_ns)
 
 
-LATENCIES: dict[str, type[Latency]] = {
-    "constant": Constant,
-    "uniform": Uniform,
-    "normal": Normal,
-    "gamma": Gamma,
-    "lognormal": LogNormal,
-    "pareto": Pareto,
-    "trace": LatencyTrace,
-}
+LATENCIES = Kinds(
+    "latency model",
+    {
+        "constant": Constant,
+        "uniform": Uniform,
+        "normal": Normal,
+        "gamma": Gamma,
+        "lognormal": LogNormal,
+        "pareto": Pareto,
+        "trace": LatencyTrace,
+    },
+    scalar="constant",
+)

@@ -107,7 +107,12 @@ class _Law:
 
 @dataclass(frozen=True)
 class Uniform(_Law):
-    """Uniform between two bounds."""
+    """Uniform between two bounds.
+
+    low: the smallest latency.
+    high: the largest latency.
+    correlation: of one frame's latency with the next one's.
+    """
 
     low: Nanoseconds
     high: Nanoseconds
@@ -137,7 +142,13 @@ class Uniform(_Law):
 
 @dataclass(frozen=True)
 class Normal(_Law):
-    """Normal with a mean and a standard deviation, truncated below at `min`: by default mean − 3 sd, at least 0."""
+    """Normal with a mean and a standard deviation, truncated below at `min`: by default mean − 3 sd, at least 0.
+
+    mean: before it is truncated.
+    sd: standard deviation before it is truncated.
+    min: where it is truncated.
+    correlation: of one frame's latency with the next one's.
+    """
 
     mean: Nanoseconds
     sd: Nanoseconds
@@ -171,7 +182,13 @@ class Normal(_Law):
 
 @dataclass(frozen=True)
 class _Positive(_Law):
-    """A law on positive numbers, with the mean and standard deviation that it has before it is truncated at `min`."""
+    """A law on positive numbers, with the mean and standard deviation that it has before it is truncated at `min`.
+
+    mean: before it is truncated.
+    sd: standard deviation before it is truncated.
+    min: where it is truncated.
+    correlation: of one frame's latency with the next one's.
+    """
 
     mean: Nanoseconds
     sd: Nanoseconds
@@ -263,7 +280,12 @@ class LogNormal(_Positive):
 
 @dataclass(frozen=True)
 class Pareto(_Law):
-    """Pareto: P(X > x) = (min / x)^shape from `min` on, a heavy tail. It has no variance for a shape of 2 or less."""
+    """Pareto: P(X > x) = (min / x)^shape from `min` on, a heavy tail. It has no variance for a shape of 2 or less.
+
+    min: the smallest latency.
+    shape: above 1.
+    correlation: of one frame's latency with the next one's.
+    """
 
     min: Nanoseconds
     shape: float

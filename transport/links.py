@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..errors import BadInput
-from ..units import BitsPerSecond, Bytes, Nanoseconds
-from .latencies import Constant, Latency
-from .losses import Loss
-from .media import FullDuplex, Medium
+from ..units import BitsPerSecond, Bytes, Count, Nanoseconds, Probability
+from .latencies import LATENCIES, Constant, Latency
+from .losses import Losses
+from .media import MEDIA, FullDuplex, Medium
 from .probabilities import check_probability
 
 NANOSECONDS = 1_000_000_000
@@ -46,11 +46,12 @@ def duration_ns(bits: int, rate: float) -> int:
 class Queue:
     """Frames that wait for the transmitter: how many may, and which one gives way when one too many comes.
 
-    drop-tail refuses the newcomer, drop-head the oldest; latest lets a newer frame of the same stream take the place of
-    the one that waits, and drops the newcomer only where nothing can be replaced.
+    limit: how many may wait.
+    policy: drop-tail refuses the newcomer, drop-head the oldest; latest lets a newer frame of the same stream take the
+        place of the one that waits, and drops the newcomer only where nothing can be replaced.
     """
 
-    limit: int = 64
+    limit: Count = 64
     policy: Literal["drop-tail", "drop-head", "latest"] = "drop-tail"
 
     def __post_init__(self) -> None:
@@ -61,7 +62,11 @@ class Queue:
 
 @dataclass(frozen=True)
 class Bucket:
-    """Token bucket: on average no more than `rate` leaves, up to `burst` at once."""
+    """Token bucket.
+
+    rate: no more than this leaves on average.
+    burst: what may leave at once.
+    """
 
     rate: BitsPerSecond
     burst: Bytes
@@ -76,25 +81,37 @@ class Bucket:
 class LinkSettings:
     """Everything that a fault may change on one directed link.
 
-    `corruption`: models that say which frames the checksum will refuse. `duplication`: probability that a frame comes
-    twice, the copy with a latency of its own. `reordering`: whether a frame may overtake an earlier one. `hold`: frames
-    that are due meanwhile wait, and come when they are released. `present`: whether the graph has this link now.
-    `paired`: length of the slots of time to which the draws of loss, corruption, duplication and latency belong, as
-    with block fading: all frames that start in one slot meet the same, whoever sends how many. Without it each frame
-    has draws of its own, by its sequence number.
+    medium: who may talk when.
+    rate: of the transmitter; without one frames take no time on the air.
+    overhead: what every frame has beside its payload.
+    bits_per_byte: on the air, 10 for a UART with start and stop bit.
+    mtu: the largest payload.
+    queue: frames that wait for the transmitter.
+    bucket: a limit of what may leave on average.
+    loss: models of which any may lose a frame.
+    corruption: models that say which frames the checksum will refuse.
+    duplication: probability that a frame comes twice, the copy with a latency of its own.
+    latency: one way, after the last bit has left.
+    reordering: whether a frame may overtake an earlier one.
+    cut: whether nothing passes.
+    hold: frames that are due meanwhile wait, and come when they are released.
+    present: whether the graph has this link now.
+    paired: length of the slots of time to which the draws of loss, corruption, duplication and latency belong, as with
+        block fading: all frames that start in one slot meet the same, whoever sends how many. Without it each frame has
+        draws of its own, by its sequence number.
     """
 
-    medium: Medium = FullDuplex()  # noqa: RUF009 - frozen
+    medium: Annotated[Medium, MEDIA] = FullDuplex()  # noqa: RUF009 - frozen
     rate: BitsPerSecond | None = None
     overhead: Bytes = 0
-    bits_per_byte: int = 8
+    bits_per_byte: Count = 8
     mtu: Bytes = 1500
     queue: Queue = Queue()
     bucket: Bucket | None = None
-    loss: tuple[Loss, ...] = ()
-    corruption: tuple[Loss, ...] = ()
-    duplication: float = 0.0
-    latency: Latency = Constant(0)  # noqa: RUF009 - frozen
+    loss: Losses = ()
+    corruption: Losses = ()
+    duplication: Probability = 0.0
+    latency: Annotated[Latency, LATENCIES] = Constant(0)  # noqa: RUF009 - frozen
     reordering: bool = True
     cut: bool = False
     hold: bool = False

@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from math import exp, isnan, prod
+from typing import Annotated
 
+from ..kinds import Kinds
+from ..units import OneOrMany
 from .distance_losses import Distance
 from .frame_losses import Bernoulli, BitError, Frames, GilbertElliott
 from .stages import Loss, LossStage, Memory, Surroundings
@@ -26,6 +29,7 @@ __all__ = [
     "Loss",
     "LossStage",
     "LossTrace",
+    "Losses",
     "Markov",
     "Memory",
     "expected_loss",
@@ -33,16 +37,22 @@ __all__ = [
     "loss_variance",
 ]
 
-LOSSES: dict[str, type[Loss]] = {
-    "bernoulli": Bernoulli,
-    "gilbert-elliott": GilbertElliott,
-    "gilbert-elliott-time": GilbertElliottTime,
-    "markov": Markov,
-    "bit-error": BitError,
-    "distance": Distance,
-    "trace": LossTrace,
-    "frames": Frames,
-}
+LOSSES = Kinds(
+    "loss model",
+    {
+        "bernoulli": Bernoulli,
+        "gilbert-elliott": GilbertElliott,
+        "gilbert-elliott-time": GilbertElliottTime,
+        "markov": Markov,
+        "bit-error": BitError,
+        "distance": Distance,
+        "trace": LossTrace,
+        "frames": Frames,
+    },
+    scalar="bernoulli",
+)
+Losses = Annotated[tuple[Annotated[Loss, LOSSES], ...], OneOrMany(none="none")]
+"""Models of which any may lose a frame."""
 
 
 def loss_stages(models: Sequence[Loss], around: Surroundings, what: str = "") -> list[LossStage]:

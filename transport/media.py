@@ -11,9 +11,10 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..errors import BadInput
+from ..kinds import Kinds
 from ..units import Hertz, Nanoseconds, period_ns
 from .csma import Csma
 
@@ -30,6 +31,8 @@ class Aloha:
 @dataclass(frozen=True)
 class SlottedAloha:
     """Send at the beginning of the next slot; slots of one length, a whole number of them since time 0.
+
+    slot: its length.
 
     Roberts 1975: slotted ALOHA.
     """
@@ -65,6 +68,9 @@ class Tdma:
 
     Cycle k starts at floor(k·10⁹ / cycle). An edge has two slots, the first for the end with the lower name; of radios,
     two that can be heard at one place have different slots: a colouring of the graph at distance 2.
+
+    cycle: how often all slots come round.
+    guard: at the end of each slot, in which no frame may be on the air.
     """
 
     cycle: Hertz
@@ -109,6 +115,7 @@ def _cycle_bounds(cycle_hz: float, cycle: int) -> tuple[int, int]:
 
 
 Access = Aloha | SlottedAloha | Tdma | Csma
+ACCESSES = Kinds("medium access", {"aloha": Aloha, "slotted-aloha": SlottedAloha, "tdma": Tdma, "csma": Csma})
 
 
 @dataclass(frozen=True)
@@ -118,10 +125,14 @@ class FullDuplex:
 
 @dataclass(frozen=True)
 class HalfDuplex:
-    """One transceiver pair per edge, like the infrared side of a flying-array module, or one radio per node."""
+    """One transceiver pair per edge, like the infrared side of a flying-array module, or one radio per node.
+
+    per: whether each edge has a medium of its own, or each node a radio.
+    access: when an end may send.
+    """
 
     per: Literal["edge", "node"] = "edge"
-    access: Access = Aloha()
+    access: Annotated[Access, ACCESSES] = Aloha()
 
     def __post_init__(self) -> None:
         """Carrier sense is for radios."""
@@ -130,6 +141,7 @@ class HalfDuplex:
 
 
 Medium = FullDuplex | HalfDuplex
+MEDIA = Kinds("medium", {"full-duplex": FullDuplex, "half-duplex": HalfDuplex}, tag="kind")
 EDGE_SLOTS = 2
 AIR = "*"
 """Name of the outlet that all links of a node's radio share; no agent is called so."""

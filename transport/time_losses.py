@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..randomness import Stream
-from ..units import Nanoseconds
+from ..units import Nanoseconds, Probability
 from .probabilities import check_probability
 from .sojourns import Sojourns, check_mean
 from .stages import LossStage, Memory, Surroundings
@@ -20,12 +20,17 @@ class GilbertElliottTime:
     """Bursts in time: a two-state Markov chain with exponential sojourns, and a loss probability in each state.
 
     P(bad) = mean_bad / (mean_good + mean_bad), the law in which time 0 finds the chain.
+
+    mean_good: mean time in the good state.
+    mean_bad: mean time in the bad state.
+    loss_bad: of a frame in the bad state.
+    loss_good: of a frame in the good state.
     """
 
     mean_good: Nanoseconds
     mean_bad: Nanoseconds
-    loss_bad: float = 1.0
-    loss_good: float = 0.0
+    loss_bad: Probability = 1.0
+    loss_good: Probability = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -76,7 +81,11 @@ class _ChainStage:
 
 @dataclass(frozen=True)
 class Markov:
-    """The link is up and down in turn, for exponential times, and loses everything that starts while it is down."""
+    """The link is up and down in turn, for exponential times, and loses everything that starts while it is down.
+
+    mean_up: mean time up.
+    mean_down: mean time down.
+    """
 
     mean_up: Nanoseconds
     mean_down: Nanoseconds

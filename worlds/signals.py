@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from ..errors import BadInput
+from ..kinds import Kinds
+from ..units import OWNERS, Hertz, Nanoseconds, Radians, Unit
+
+OwnersUnit = Annotated[float, OWNERS]
 
 
 class Signal(Protocol):
@@ -23,9 +27,12 @@ class Signal(Protocol):
 
 @dataclass(frozen=True)
 class Constant:
-    """Always the same value."""
+    """Always the same value.
 
-    level: float
+    level: the value.
+    """
+
+    level: OwnersUnit
 
     def value(self, time_ns: int) -> float:
         """The level."""
@@ -68,14 +75,19 @@ class Steps:
 class Ramp:
     """From the first level, from an instant on in a straight line for `over_ns`, to the last level, where it stays.
 
+    from: the first level.
+    to: the last level.
+    at: when it begins.
+    over: how long it takes.
+
     Raises:
         BadInput: it begins before 0, or lasts no time.
     """
 
-    first: float
-    last: float
-    at_ns: int
-    over_ns: int
+    first: OwnersUnit = field(metadata={"name": "from"})
+    last: OwnersUnit = field(metadata={"name": "to"})
+    at_ns: Nanoseconds
+    over_ns: Nanoseconds
 
     def __post_init__(self) -> None:
         """Check the times."""
@@ -98,14 +110,19 @@ class Ramp:
 class Sine:
     """mean + amplitude · sin(2π · frequency · t + phase); frequency in Hz, phase in rad.
 
+    amplitude: the largest departure from the mean.
+    frequency: periods per second.
+    mean: in the middle.
+    phase: at time 0.
+
     Raises:
         BadInput: frequency not above 0.
     """
 
-    mean: float
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
+    amplitude: OwnersUnit
+    frequency: Hertz
+    mean: OwnersUnit = 0.0
+    phase: Radians = 0.0
 
     def __post_init__(self) -> None:
         """Check the frequency."""
@@ -119,3 +136,9 @@ class Sine:
     def bounds(self) -> tuple[float, float]:
         """Mean less and plus amplitude."""
         return self.mean - abs(self.amplitude), self.mean + abs(self.amplitude)
+
+
+SIGNALS = Kinds("signal", {"constant": Constant, "steps": Steps, "ramp": Ramp, "sine": Sine}, scalar="constant")
+Lengths = Annotated[Signal, SIGNALS, Unit("m")]
+Angles = Annotated[Signal, SIGNALS, Unit("rad")]
+Torques = Annotated[Signal, SIGNALS, Unit("N m")]

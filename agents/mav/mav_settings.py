@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ...estimators.formation.filter import LONGEST_STEP_NS, Form, FormationFilte
 from ...estimators.formation.formation_consensus import ConsensusSettings, Delay, Fusion
 from ...estimators.formation.intersection import Weighting
 from ...estimators.formation.model import FormationModel
-from ...topologies.formations import formation
+from ...topologies.formations import Formation
 from ...units import (
     Bytes,
     Hertz,
@@ -130,7 +130,7 @@ class MavParameters:
     of the estimate, and `report_covariance` of its covariance, 0 for none.
     """
 
-    references: Mapping[str, Mapping[str, Any]]
+    references: Mapping[str, Formation]
     script: tuple[Leg, ...] = ()
     rate: Hertz = 30.0
     radio: Hertz = 5.0
@@ -185,7 +185,10 @@ class MavParameters:
         Raises:
             BadInput: the reference does not fit so many vehicles.
         """
-        return formation(self.references[name], vehicles, f"references.{name}")
+        try:
+            return self.references[name].of(vehicles)
+        except BadInput as error:
+            raise BadInput(f"references.{'.'.join(map(str, (name, *error.place)))}: {error}") from error
 
     def states(self, vehicles: int) -> dict[str, NDArray[np.float64]]:
         """Reference → state of the formation at rest in it, (6(N−1),)."""

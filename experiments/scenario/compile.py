@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -13,11 +12,11 @@ from ...agents.coupled_world import couple
 from ...agents.plan import AgentPlan, Coupled, Plan, World, moving
 from ...errors import BadInput
 from ...topologies import TimedGraph
+from ...topologies.over_time import GRAPHS, Proximity
+from ...topologies.presence import Places as GraphPlaces
 from ...transport.faults import Fault, LinkName
 from ...transport.links import LinkSettings
-from ...worlds.moving.motions import MovingWorld
-from ...worlds.scenario import MOVING, needs_places
-from ...worlds.scenario import build as build_world
+from ...worlds.moving.moving_settings import MovingSettings
 from ..evaluation.evaluation import evaluation_class
 from .consistency import inconsistencies
 from .expansion import expand
@@ -26,10 +25,6 @@ from .fault_places import Places, changed_links, group_problems, parse_agents
 from .schema import AgentKind, Scenario
 from .slots import radio_slots
 from .yaml_document import Problem
-
-_PLACE = re.compile(r"((?:topology|world)[\w.-]*): ", re.ASCII)
-_PROXIMITY = "proximity"
-_QUOTED = re.compile(r"'([^']*)'")
 
 
 def compile_plan(scenario: Scenario) -> Plan:
@@ -50,8 +45,8 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
     of_world: list[Problem] = []
     try:
         timed, world = _surroundings(scenario, of_world)
-    except BadInput as error:
-        return None, [_placed(error, "topology")]
+    except _Refused as refused:
+        return None, [refused.problem]
     places = Places(topologies.edges(timed.union), scenario.groups, scenario.seed, world)
     problems.extend(Problem(("groups", name), text) for name, text in group_problems(scenario.groups, places.agents))
     links = _links(scenario, places, problems)
@@ -85,26 +80,36 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
     return plan, problems
 
 
-def _placed(error: BadInput, field: str) -> Problem:
-    """A message such as `topology.hexagonal: 'cuont' …` at its place, the key that it quotes if there is such a one."""
-    match = _PLACE.match(str(error))
-    place, message = (match[1], str(error)[match.end() :]) if match else (field, str(error))
-    return Problem((*place.split("."), *_QUOTED.findall(message)[:1]), message)
+class _Refused(Exception):
+    """There can be no plan, because of this problem."""
+
+    def __init__(self, error: BadInput, *place: str) -> None:
+        super().__init__(str(error))
+        self.problem = Problem((*place, *error.place), str(error))
 
 
 def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | Coupled | None]:
     """The graph over time and the world; whichever of the two says who the agents are is made first.
 
     Raises:
-        BadInput: no graph, or nobody moves where the graph follows from that.
+        _Refused: no graph, or nobody moves where the graph follows from that.
     """
-    spec, seed, duration_ns = scenario.topology, scenario.seed, scenario.duration
-    if _PROXIMITY in spec and scenario.world is not None and scenario.world.get("kind") == MOVING:
-        world = build_world(scenario.world, {}, seed)
-        places = world.positions if isinstance(world, MovingWorld) else None
-        return topologies.build_over_time(spec, seed, duration_ns, places), world
-    timed = topologies.build_over_time(spec, seed, duration_ns)
+    seed, of_world = scenario.seed, scenario.world
+    if isinstance(scenario.topology, Proximity) and isinstance(of_world, MovingSettings):
+        try:
+            moving_world = of_world.build({}, seed, ())
+        except BadInput as error:
+            raise _Refused(error, "world") from error
+        return _graph(scenario, moving_world.positions), moving_world
+    timed = _graph(scenario)
     return timed, _world(scenario, timed.union, problems)
+
+
+def _graph(scenario: Scenario, places: GraphPlaces | None = None) -> TimedGraph:
+    try:
+        return scenario.topology.over_time(scenario.seed, scenario.duration, places)
+    except BadInput as error:
+        raise _Refused(error, "topology", GRAPHS.name_of(type(scenario.topology))) from error
 
 
 def _kinds(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[str, AgentKind]:
@@ -167,14 +172,14 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
     if scenario.world is None:
         return None
     positions = topologies.positions(graph)
+    places = {name: (x, y) for name, (x, y, *_) in positions.items()}
     try:
-        if not positions and needs_places(scenario.world):
-            kind = next(iter(scenario.topology))
+        if not positions and scenario.world.needs_places:
+            kind = GRAPHS.name_of(type(scenario.topology))
             text = f"agents of topology {kind} have no positions, and this world needs them"
-            raise BadInput(f"world: {text}: take an array, or drop the world")
-        places = {name: (x, y) for name, (x, y, *_) in positions.items()}
-        world: World | Coupled = build_world(scenario.world, places, scenario.seed, topologies.agents(graph))
+            raise BadInput(f"{text}: take an array, or drop the world")
+        world: World | Coupled = scenario.world.build(places, scenario.seed, topologies.agents(graph))
     except BadInput as error:
-        problems.append(_placed(error, "world"))
+        problems.append(Problem(("world", *error.place), str(error)))
         return None
     return world

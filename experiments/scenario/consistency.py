@@ -11,9 +11,8 @@ from ...errors import BadInput
 from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ...transport.links import LinkSettings
 from ...transport.losses import Distance
-from ...transport.media import EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
+from ...transport.media import ACCESSES, EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
 from .expansion import entry_index
-from .writing import ACCESS_NAMES
 from .yaml_document import Loc, Problem
 
 RADIO_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "mtu", "queue", "bucket"}
@@ -63,7 +62,9 @@ def settings_problems(
     if isinstance(medium, HalfDuplex) and isinstance(medium.access, SlottedAloha | Tdma):
         airtime_ns, usable_ns = settings.airtime_ns(payload_bytes or 0), medium.access.usable_ns(slots)
         if airtime_ns > usable_ns:
-            slot = f"{ACCESS_NAMES[type(medium.access)]} slot, of which {max(0, usable_ns) / 1e6:.3f} ms can be used"
+            slot = (
+                f"{ACCESSES.name_of(type(medium.access))} slot, of which {max(0, usable_ns) / 1e6:.3f} ms can be used"
+            )
             text = (
                 f"a frame of {airtime_ns / 1e6:.3f} ms airtime does not fit a {slot}: "
                 "send less, raise rate, or make the slots longer"

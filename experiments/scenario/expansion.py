@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import cache, partial
 from typing import Any, get_args
-
-from pydantic import TypeAdapter, ValidationError
 
 from ...agents.plan import Coupled
 from ...agents.sensor_samples import numbers
 from ...errors import BadInput
 from ...topologies import ordered
 from ...transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault, SensorTrouble
-from .explaining import explain, schema_fields
+from .explaining import read
 from .fault_places import Places, changed_links, parse_agents, parse_links, parse_sensors
 from .fault_processes import renewals
-from .link_schema import validated
 from .partitions import crossing
 from .timeline import FaultEntry
-from .yaml_document import describe
 
 _LOOKED_AT = 32
 _WHOLE_SHARE = 1.0
@@ -172,13 +167,7 @@ _DRAFTS: dict[str, Callable[[FaultEntry, Places], Iterator[Fault]]] = {
 
 # -- live -----------------------------------------------------------------------------------------------------------
 
-_ENTRY: TypeAdapter[FaultEntry] = TypeAdapter(FaultEntry)
 _ABSOLUTE = {"at": "a live fault starts at once", "until": "write for: 2 s", "from": "a live process starts at once"}
-
-
-@cache
-def _entry_schema() -> dict[str, Any]:
-    return _ENTRY.json_schema()
 
 
 def parse_fault(written: Mapping[str, Any], fault_id: str, places: Places, lasting_ns: int) -> tuple[Fault, ...]:
@@ -202,9 +191,4 @@ def parse_fault(written: Mapping[str, Any], fault_id: str, places: Places, lasti
     fields = {**written, **start, **lasting}
     if lasting:
         del fields["for"]
-    try:
-        entry = validated(_ENTRY, fields)
-    except ValidationError as error:
-        problems = explain(error, partial(schema_fields, _entry_schema()))
-        raise BadInput("; ".join(describe(written, problem) for problem in problems)) from error
-    return expand(entry, fault_id, places, lasting_ns)
+    return expand(read(FaultEntry, fields), fault_id, places, lasting_ns)

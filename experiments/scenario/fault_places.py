@@ -6,13 +6,15 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from ...agents.plan import Coupled, Plan, World
 from ...errors import BadInput
 from ...randomness import stream
 from ...topologies import check_name, natural_key, ordered
 from ...transport.faults import LinkName
+from ...units import Probability
+from .settings_reading import Reader, alternatives, typed
 
 ALL, RANDOM = "all", "random"
 _LISTED = 8
@@ -99,6 +101,22 @@ def _number(text: str) -> float:
         return math.nan
 
 
+@dataclass(frozen=True)
+class Share:
+    """A random fraction of all, drawn from the seed.
+
+    random: the fraction.
+    """
+
+    random: Probability
+
+
+Words = Annotated[
+    tuple[str, ...], Reader(read_words, lambda: alternatives(str, int, Share, list[str | int | Share]), spell=list)
+]
+"""Names of links, agents or sensors."""
+
+
 def read_groups(value: Any) -> dict[str, tuple[str, ...]]:
     """The scenario's `groups:`, name → agents.
 
@@ -117,6 +135,12 @@ def read_groups(value: Any) -> dict[str, tuple[str, ...]]:
             raise BadInput(f"group {name} has agent {twice} twice")
         groups[name] = listed
     return groups
+
+
+Groups = Annotated[
+    Mapping[str, tuple[str, ...]],
+    Reader(read_groups, lambda: typed(dict[str, str | int | list[str | int]]), spell=lambda groups: {**groups}),
+]
 
 
 def _twice(words: Sequence[str]) -> str | None:

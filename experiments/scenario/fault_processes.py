@@ -17,7 +17,12 @@ Spans = list[tuple[int, int]]
 
 @dataclass(frozen=True)
 class Every:
-    """Mean time between a repair and the next failure, mean time to repair; each place by itself, or all `together`."""
+    """Failures and repairs at random.
+
+    mtbf: mean time between a repair and the next failure.
+    mttr: mean time to repair.
+    together: whether all places fail at once, and not each by itself.
+    """
 
     mtbf: Nanoseconds
     mttr: Nanoseconds

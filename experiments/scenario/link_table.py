@@ -11,14 +11,14 @@ from ...agents import registry
 from ...agents.plan import Plan
 from ...topologies import Span, natural_key
 from ...transport.faults import LinkFault, LinkName
+from ...transport.latencies import LATENCIES
 from ...transport.links import LinkSettings
-from ...transport.losses import Loss
-from ...transport.media import FullDuplex, HalfDuplex, Tdma, on_air
+from ...transport.losses import LOSSES, Loss
+from ...transport.media import ACCESSES, FullDuplex, HalfDuplex, Tdma, on_air
 from ...units import quantity
 from .consistency import slots_of
+from .dumping import settings as plain_settings
 from .fault_labels import fault_label
-from .link_schema import LinkFields
-from .writing import spelled
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -105,7 +105,7 @@ def to_mapping(group: LinkGroup, faults: Mapping[str, str]) -> dict[str, Any]:
     settings = group.settings
     return {
         "links": [">".join(link) for link in group.links],
-        "settings": spelled(_fields(settings), LinkFields),
+        "settings": plain_settings(settings),
         "largest_payload": group.largest_payload,
         "airtime_ns": group.airtime_ns,
         "mean_loss": [_number(model.mean) for model in settings.loss],
@@ -117,10 +117,6 @@ def to_mapping(group: LinkGroup, faults: Mapping[str, str]) -> dict[str, Any]:
         "there": list(group.there),
         "faults": {name: faults[name] for name in group.faults},
     }
-
-
-def _fields(settings: LinkSettings) -> dict[str, Any]:
-    return {name: getattr(settings, name) for name in LinkFields.__annotations__}
 
 
 def _number(value: float) -> float | None:
@@ -271,7 +267,8 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
 
 def _model(model: Any) -> str:
     """A model as one line: its name, and its fields that are not at their default."""
-    ((name, body),) = spelled(model).items()
+    kinds = next(kinds for kinds in (LOSSES, LATENCIES, ACCESSES) if type(model) in kinds.classes())
+    name, body = kinds.name_of(type(model)), plain_settings(model)
     own = [field for field in fields(model) if field.default is MISSING or getattr(model, field.name) != field.default]
     words = [_value(body[field.name]) for field in own]
     if len(own) > 1 or any(field is not fields(model)[0] for field in own):

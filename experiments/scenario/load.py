@@ -14,10 +14,10 @@ from pydantic import ValidationError
 from ...agents.plan import Plan
 from ...units import quantity
 from .compile import attempt
-from .explaining import explain
+from .explaining import explain, known_fields
 from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
-from .link_schema import validated
-from .schema import SCENARIO, Scenario, json_schema, known_fields, resolved_yaml
+from .schema import Scenario, json_schema, resolved_yaml
+from .settings_reading import validated
 from .trace_files import anchor
 from .yaml_document import Problem, read_document
 
@@ -64,9 +64,9 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
             document.data.get(field), lambda place: Path.cwd() if document.is_overridden(place) else folder, (field,)
         )
     try:
-        scenario = validated(SCENARIO, document.data)
+        scenario: Scenario = validated(Scenario, document.data)
     except ValidationError as error:
-        raise document.error(explain(error, partial(known_fields, document.data))) from error
+        raise document.error(explain(error, partial(known_fields, Scenario, document.data))) from error
     plan, problems = attempt(scenario)
     end = quantity(scenario.duration, "ns")
     late = [

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from ...errors import BadInput
 from ...names import did_you_mean
 from ...randomness import stream
 from ...transport.faults import LinkName
-from .fault_places import Places, check_agent, parse_agents, read_words
-from .link_schema import Reader
+from .fault_places import Places, Words, check_agent, parse_agents, read_words
+from .settings_reading import Reader, alternatives
 
 REST = "rest"
 _ALONE = ("halves", "random", "majority-ring")
@@ -73,9 +73,27 @@ def _groups(value: list[Any]) -> tuple[tuple[str, ...], ...]:
     return tuple(read_words(group) for group in value)
 
 
+@dataclass(frozen=True)
+class _Named:
+    """A partition about some agents.
+
+    isolate: each by itself, cut off from all others.
+    bridge: the one agent that two halves hear.
+    """
+
+    isolate: Words | None = None
+    bridge: Words | None = None
+
+
 PartitionWord = Annotated[
     Partition,
-    Reader(read_partition, str | dict[str, Any] | list[str | int | list[str | int]]),
+    Reader(
+        read_partition,
+        lambda: alternatives(
+            _Named, Literal["halves", "random", "majority-ring"], str, list[str | int | list[str | int]]
+        ),
+        spell=lambda partition: partition.written(),
+    ),
 ]
 
 

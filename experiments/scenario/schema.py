@@ -1,110 +1,143 @@
-"""The model of a scenario file: what may be written, and what it becomes."""
+"""What a scenario file may say, and what it becomes."""
 
 from __future__ import annotations
 
 import io
 import re
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PydanticUserError,
-    TypeAdapter,
-    ValidationInfo,
-    create_model,
-    field_validator,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, TypeAdapter, create_model
 from ruamel.yaml import YAML
 
-from ...agents import registry
 from ...agents.plan import MILLISECOND_NS
+from ...agents.registry import AGENTS
 from ...errors import BadInput
-from ...units import Nanoseconds, quantity
-from .explaining import schema_fields
-from .fault_places import read_groups, read_words
-from .link_schema import STRICT, LinkFields, Links, LinksFields, Reader, read_links, validated
+from ...topologies.over_time import Topology
+from ...units import Bounds, Nanoseconds, quantity
+from ...worlds.world_kinds import AnyWorld
+from .dumping import settings, spelled
+from .explaining import known_fields
+from .fault_places import Groups, Words
+from .link_schema import Links, LinksText
+from .settings_reading import (
+    TAG,
+    Check,
+    Reader,
+    any_of,
+    model_fields,
+    model_of,
+    read_fields,
+    tagged,
+    typed,
+    validated,
+)
 from .timeline import FaultEntry
-from .writing import spelled
 from .yaml_document import Loc
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_PARAMETERS = ("parameters", "parameters")
-"""Where the validator sees, below `agents` and its `only`, what the file has beside the fields of every kind."""
+_OWN_CLASS = r"^[^:]+:[^:]+$"
 
 
-def _known_kind(kind: str) -> str:
-    registry.find(kind)
-    return kind
+def _not_negative(compute_ns: int) -> int:
+    if compute_ns < 0:
+        raise BadInput(f"compute is {quantity(compute_ns, 'ns')}, it must be at least 0")
+    return compute_ns
 
 
-def _open_schema(schema: dict[str, Any]) -> None:
-    """In the file the parameters stand beside the kind."""
-    del schema["properties"]["parameters"]
-    schema["additionalProperties"] = True
+@dataclass(frozen=True)
+class AgentKind:
+    """What runs in agents: a kind, its parameters, and the nominal time from an event to what is sent because of it."""
+
+    kind: str
+    parameters: Any
+    compute: int = MILLISECOND_NS
 
 
-@cache
-def _parameters_adapter(kind: str) -> TypeAdapter[Any]:
-    parameters: Any = registry.find(kind).Parameters
-    return TypeAdapter(create_model("AgentParameters", __config__=STRICT, parameters=(parameters, ...)))
-
-
-class AgentKind(BaseModel):
-    """What runs in agents: `kind`, its `compute` time [ns], and the kind's own parameters."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, json_schema_extra=_open_schema)
-
-    kind: Annotated[str, AfterValidator(_known_kind)]
-    compute: Nanoseconds = Field(default=MILLISECOND_NS, json_schema_extra={"default": "1 ms"})
-    parameters: Any = Field(default_factory=dict, validate_default=True)
-
-    @classmethod
-    def fields_of_every_kind(cls) -> set[str]:
-        """What is no parameter of the kind."""
-        return cls.model_fields.keys() - {"parameters"}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _gather(cls, written: Any) -> Any:
-        if not isinstance(written, dict):
-            return written
-        own = cls.fields_of_every_kind()
-        parameters = {name: value for name, value in written.items() if name not in own}
-        return {**{name: value for name, value in written.items() if name in own}, "parameters": parameters}
-
-    @field_validator("compute")
-    @classmethod
-    def _not_negative(cls, compute_ns: int) -> int:
-        if compute_ns < 0:
-            raise BadInput(f"compute is {quantity(compute_ns, 'ns')}, it must be at least 0")
-        return compute_ns
-
-    @field_validator("parameters")
-    @classmethod
-    def _read_parameters(cls, written: Any, info: ValidationInfo) -> Any:
-        if "kind" not in info.data:
-            return written
-        return validated(_parameters_adapter(info.data["kind"]), {"parameters": written}).parameters
-
-
+@dataclass(frozen=True)
 class SomeAgents(AgentKind):
     """Another kind for some agents; `where` as in faults, later entries on top."""
 
-    where: Annotated[tuple[str, ...], Reader(read_words, str | int | list[str | int])]
+    where: tuple[str, ...] = ()
 
 
-_SOME: TypeAdapter[tuple[SomeAgents, ...]] = TypeAdapter(tuple[SomeAgents, ...])
-
-
+@dataclass(frozen=True)
 class Agents(AgentKind):
     """The kind of all agents and, under `only`, what others are."""
 
-    only: Annotated[tuple[SomeAgents, ...], Reader(partial(validated, _SOME), list[SomeAgents])] = ()
+    only: tuple[SomeAgents, ...] = ()
+
+
+@dataclass(frozen=True)
+class _EveryKind:
+    """Fields beside the parameters of a kind.
+
+    compute: nominal time from an event to what the agent sends because of it.
+    """
+
+    compute: Annotated[Nanoseconds, Check(_not_negative)] = MILLISECOND_NS
+
+
+@dataclass(frozen=True)
+class _Some(_EveryKind):
+    """Fields of an entry under `only`.
+
+    where: agents, as in faults.
+    """
+
+    where: Words = field(kw_only=True)
+
+
+def _read_agents(made: Any, beside: Any, value: Any) -> Any:
+    """A kind with its parameters, and what stands beside them."""
+    kind, body = tagged(AGENTS, value)
+    own = read_fields(beside)
+    parameters = {name: item for name, item in body.items() if name not in own}
+    fields = vars(validated(beside, {name: item for name, item in body.items() if name in own}))
+    return made(kind=kind, parameters=validated(AGENTS.find(kind).Parameters, parameters), **fields)
+
+
+def _agents_text(beside: Any) -> Any:
+    """Every kind with its fields; one of a user's own class may have any."""
+    shapes = [model_of(AGENTS.find(name).Parameters, tag=name, beside=beside) for name in AGENTS.names()]
+    own_kind: Any = (Annotated[str, Field(pattern=_OWN_CLASS)], Field(alias=TAG, title=TAG, description="module:Class"))
+    anything = ConfigDict(extra="allow", strict=True, frozen=True, protected_namespaces=())
+    own = create_model("OwnClass", __config__=anything, kind=own_kind, **model_fields(beside))
+    return any_of([*shapes, own])
+
+
+def _known_of_agents(beside: Any, value: Any, loc: Loc) -> set[str]:
+    own = read_fields(beside)
+    if loc[:1] and str(loc[0]) in own:
+        return known_fields(beside, value, loc)
+    kind = value.get(TAG) if isinstance(value, dict) else value
+    known = known_fields(AGENTS.find(str(kind)).Parameters, value, loc)
+    return known if loc else {*own, TAG, *known}
+
+
+def _spelled_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:
+    fields = {name: spelled(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
+    return {TAG: agents.kind, **fields, **spelled(agents.parameters)}
+
+
+def _agents_reader(made: Any, beside: Any) -> Reader:
+    return Reader(
+        partial(_read_agents, made, beside),
+        partial(_agents_text, beside),
+        partial(_known_of_agents, beside),
+        partial(_spelled_kind, beside),
+    )
+
+
+@dataclass(frozen=True)
+class _All(_EveryKind):
+    """Fields of `agents`.
+
+    only: what some agents are instead.
+    """
+
+    only: tuple[Annotated[SomeAgents, _agents_reader(SomeAgents, _Some)], ...] = ()
 
 
 def _name(name: str) -> str:
@@ -125,24 +158,34 @@ def _seed(seed: int) -> int:
     return seed
 
 
-class Scenario(BaseModel):
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
     """A scenario, validated field by field; whether its parts fit together is for `compile_plan` to say.
 
-    Times are in nanoseconds. `topology` and `world` stay as they are written.
+    name: names the run's folder; the file's own name unless given.
+    duration: nominal length of the run.
+    topology: who is a neighbour of whom.
+    agents: what runs in each agent.
+    paper: for people: what is reproduced.
+    description: for people: what this shows.
+    seed: every random draw follows from it.
+    world: the truth, and the sensors that look at it.
+    groups: names for sets of agents, as in {left: [1, 2, 3]}, usable wherever agents and links are named.
+    links: settings of all links, and what differs on some.
+    faults: what changes, where, from when to when.
+    overload: whether media may be asked for more than they can carry.
     """
 
-    model_config = STRICT
-
-    name: Annotated[str, AfterValidator(_name)]
+    name: Annotated[str, Check(_name)]
     paper: str = ""
     description: str = ""
-    seed: Annotated[int, AfterValidator(_seed)] = 0
-    duration: Annotated[Nanoseconds, AfterValidator(_lasting)]
-    topology: dict[str, Any]
-    agents: Agents
-    world: dict[str, Any] | None = None
-    groups: Annotated[dict[str, tuple[str, ...]], Reader(read_groups, dict[str, list[str | int]])] = {}
-    links: Annotated[Links, Reader(read_links, LinksFields)] = Links()
+    seed: Annotated[int, Check(_seed), Bounds(least=0)] = 0
+    duration: Annotated[Nanoseconds, Check(_lasting)]
+    topology: Topology
+    agents: Annotated[Agents, _agents_reader(Agents, _All)]
+    world: AnyWorld | None = None
+    groups: Groups = field(default_factory=dict)
+    links: LinksText = Links()  # noqa: RUF009 - frozen
     faults: tuple[FaultEntry, ...] = ()
     overload: bool = False
 
@@ -151,81 +194,24 @@ class Scenario(BaseModel):
         return entry.start_ns < self.duration
 
 
-SCENARIO: TypeAdapter[Scenario] = TypeAdapter(Scenario)
-
-
 @cache
-def _schema() -> dict[str, Any]:
-    return SCENARIO.json_schema()
-
-
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a scenario file, for editors; `name` may be left out there, the file's own name stands for it."""
-    schema = _schema()
+    schema = TypeAdapter(typed(Scenario)).json_schema()
     required = [name for name in schema["required"] if name != "name"]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "required": required}
 
 
-def known_fields(data: Any, loc: Loc) -> set[str]:
-    """Names that may stand in the mapping at a place of a scenario's data."""
-    of_some = loc[:2] == ("agents", "only")
-    within = loc[3 if of_some else 1 :]
-    if loc[:1] != ("agents",) or within[:2] != _PARAMETERS:
-        return schema_fields(_schema(), loc)
-    model, written = (SomeAgents, data["agents"]["only"][loc[2]]) if of_some else (Agents, data["agents"])
-    try:
-        schema = _parameters_adapter(written["kind"]).json_schema()
-    except PydanticUserError:
-        return set()
-    return schema_fields(schema, within[1:]) | (model.fields_of_every_kind() if within == _PARAMETERS else set())
-
-
-def to_mapping(scenario: Scenario) -> dict[str, Any]:
-    """A scenario as plain data, all defaults written out, without faults that start after the end of the run."""
-    agents, links = scenario.agents, scenario.links
-    mapping: dict[str, Any] = {
-        "name": scenario.name,
-        "paper": scenario.paper,
-        "description": scenario.description,
-        "seed": scenario.seed,
-        "duration": quantity(scenario.duration, "ns"),
-        "topology": scenario.topology,
-        "agents": {**_kind(agents), "only": [{"where": list(some.where), **_kind(some)} for some in agents.only]},
-        "world": scenario.world,
-        "groups": {name: list(members) for name, members in scenario.groups.items()},
-        "links": spelled(links.base),
-        "faults": [_entry(entry) for entry in scenario.faults if scenario.in_run(entry)],
-        "overload": scenario.overload,
-    }
-    mapping["links"]["only"] = [
-        {"where": list(override.where), **spelled(override.changes, LinkFields)} for override in links.only
-    ]
-    return mapping
-
-
-def _kind(agents: AgentKind) -> dict[str, Any]:
-    return {"kind": agents.kind, "compute": quantity(agents.compute, "ns"), **spelled(agents.parameters)}
-
-
-def _entry(entry: FaultEntry) -> dict[str, Any]:
-    written: dict[str, Any] = {}
-    for name, hint in get_type_hints(FaultEntry, include_extras=True).items():
-        value = getattr(entry, name)
-        if name in FaultEntry.model_fields and value is not None:
-            alias = FaultEntry.model_fields[name].alias or name
-            written[alias] = spelled(value, LinkFields if name == "set_" else hint)
-    if entry.partition is not None:
-        written["partition"] = entry.partition.written()
-    return written
-
-
 def resolved_yaml(scenario: Scenario) -> str:
-    """The scenario as YAML with overrides and defaults in it; read back it is equal."""
+    """The scenario as YAML with overrides and defaults in it, without faults that start after the end of the run.
+
+    Read back it is equal.
+    """
     yaml = YAML(typ="safe", pure=True)
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.default_flow_style = False
     yaml.allow_unicode = True
     yaml.width = 110
     text = io.StringIO()
-    yaml.dump(to_mapping(scenario), text)
+    yaml.dump(settings(replace(scenario, faults=tuple(filter(scenario.in_run, scenario.faults)))), text)
     return text.getvalue()

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
-
-from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
+from typing import Annotated, Any
 
 from ...errors import BadInput
 from ...units import Nanoseconds, PartsPerBillion, quantity
+from .fault_places import Words
 from .fault_processes import Every
-from .link_schema import STRICT, LinkFields, Reader, Words
+from .link_schema import LinkChanges
 from .partitions import PartitionWord
+from .settings_reading import Check, Reader, alternatives
 
 ACTIONS = ("cut", "hold", "partition", "set", "kill", "pause", "hog", "clock", "sensor")
 TROUBLES = ("failed", "stuck", "bias", "noise", "spikes")
@@ -33,12 +33,16 @@ def _read_size(value: Any) -> tuple[float, ...]:
     return tuple(float(number) for number in numbers)
 
 
-Size = Annotated[tuple[float, ...], Reader(_read_size, float | list[float])]
+Size = Annotated[tuple[float, ...], Reader(_read_size, lambda: alternatives(float, list[float]), spell=list)]
 
 
 @dataclass(frozen=True)
 class Spikes:
-    """Samples that are off by ±`size`, each with this probability."""
+    """Samples that are off by ±`size`, each with this probability.
+
+    size: a number, or one for each component, in the unit of the sensor.
+    probability: of each sample.
+    """
 
     size: Size
     probability: float
@@ -53,6 +57,12 @@ def _not_before_the_start(at_ns: int) -> int:
     if at_ns < 0:
         raise BadInput(f"{quantity(at_ns, 'ns')} is before the run: a fault starts at 0 or later")
     return at_ns
+
+
+def _lasting(duration_ns: int) -> int:
+    if duration_ns <= 0:
+        raise BadInput(f"for is {quantity(duration_ns, 'ns')}: a fault lasts longer than 0")
+    return duration_ns
 
 
 def _true(value: bool) -> bool:
@@ -73,33 +83,58 @@ def _drift(drift_ppb: int) -> int:
     return drift_ppb
 
 
-_Start = Annotated[Nanoseconds, AfterValidator(_not_before_the_start)]
-_Flag = Annotated[bool, AfterValidator(_true)]
+_Start = Annotated[Nanoseconds, Check(_not_before_the_start)]
+_Flag = Annotated[bool, Check(_true)]
 
 
-class FaultEntry(BaseModel):
-    """One entry of a scenario's `faults:`, as it is written."""
+@dataclass(frozen=True)
+class FaultEntry:
+    """One entry of a scenario's `faults:`.
 
-    model_config = STRICT
+    at: when it starts.
+    every: a random process that brings it about, in the place of `at`.
+    from: when that process begins.
+    until: when it ends; without an end it lasts.
+    for: how long it lasts.
+    cut: links over which nothing passes.
+    hold: links on which frames wait until the end.
+    partition: halves, random, majority-ring, isolate 5, bridge 5, or groups of agents as in [[1, 2], rest].
+    where: links on which `set` changes settings.
+    set: settings of links with their new values.
+    kill: agents whose process is killed; they start anew at the end.
+    keep_state: whether a killed agent starts with the state that it had.
+    pause: agents that do nothing meanwhile.
+    hog: agents beside which a load takes the processor.
+    share: of a processor that the load takes.
+    clock: agents whose clock is off.
+    offset: by how much it is ahead.
+    drift: by how much it is fast.
+    sensor: sensors, as in 2.distance.
+    failed: whether they give nothing.
+    stuck: whether they repeat their last sample.
+    bias: added to each sample, in its unit: a number, or one for each component.
+    noise: standard deviation of what is added to each sample, likewise.
+    spikes: some samples are far off.
+    """
 
     at: _Start | None = None
     every: Every | None = None
-    from_: _Start | None = Field(default=None, alias="from")
+    from_: _Start | None = None
     until: Nanoseconds | None = None
-    for_: Nanoseconds | None = Field(default=None, alias="for")
+    for_: Annotated[Nanoseconds, Check(_lasting)] | None = None
     cut: Words | None = None
     hold: Words | None = None
     partition: PartitionWord | None = None
     where: Words | None = None
-    set_: LinkFields | None = Field(default=None, alias="set")
+    set_: LinkChanges | None = None
     kill: Words | None = None
     keep_state: _Flag | None = None
     pause: Words | None = None
     hog: Words | None = None
-    share: Annotated[float, AfterValidator(_share)] | None = None
+    share: Annotated[float, Check(_share)] | None = None
     clock: Words | None = None
     offset: Nanoseconds | None = None
-    drift: Annotated[PartsPerBillion, AfterValidator(_drift)] | None = None
+    drift: Annotated[PartsPerBillion, Check(_drift)] | None = None
     sensor: Words | None = None
     failed: _Flag | None = None
     stuck: _Flag | None = None
@@ -107,25 +142,28 @@ class FaultEntry(BaseModel):
     noise: Size | None = None
     spikes: Spikes | None = None
 
-    @field_validator("until")
-    @classmethod
-    def _after_the_start(cls, until: int | None, info: ValidationInfo) -> int | None:
-        for name in ("at", "from_"):
-            start_ns = info.data.get(name)
-            if until is not None and start_ns is not None and until <= start_ns:
-                start = f"{name.rstrip('_')} {quantity(start_ns, 'ns')}"
-                raise BadInput(f"until is {quantity(until, 'ns')} and {start}: a fault ends after it starts")
-        return until
+    def __post_init__(self) -> None:
+        """Check that it is one fault, with all that belongs to it and nothing else."""
+        self._check_times()
+        self._check_action()
+        self._check_details()
 
-    @field_validator("for_")
-    @classmethod
-    def _lasts(cls, duration: int | None) -> int | None:
-        if duration is not None and duration <= 0:
-            raise BadInput(f"for is {quantity(duration, 'ns')}: a fault lasts longer than 0")
-        return duration
+    def _check_times(self) -> None:
+        if self.until is not None:
+            for name, start_ns in (("at", self.at), ("from", self.from_)):
+                if start_ns is not None and self.until <= start_ns:
+                    text = f"until is {quantity(self.until, 'ns')} and {name} {quantity(start_ns, 'ns')}"
+                    raise BadInput(f"{text}: a fault ends after it starts", ("until",))
+        if (self.at is None) == (self.every is None):
+            raise BadInput("write when it starts, at: 3 s, or a random process, every: {mtbf: 5 s, mttr: 1 s}")
+        if self.from_ is not None and self.every is None:
+            raise BadInput("from belongs to every: the process begins there; one fault starts at some instant, at: 3 s")
+        if self.every is not None and self.for_ is not None:
+            raise BadInput("for does not go with every: the process lasts until: 9 s")
+        if self.until is not None and self.for_ is not None:
+            raise BadInput("write until or for, not both")
 
-    @model_validator(mode="after")
-    def _one_action(self) -> Self:
+    def _check_action(self) -> None:
         actions = [name for name in ACTIONS if self.written(name) is not None]
         if len(actions) != 1:
             raise BadInput(f"a fault is exactly one of {', '.join(ACTIONS)}, not {' and '.join(actions) or 'none'}")
@@ -133,10 +171,8 @@ class FaultEntry(BaseModel):
         for detail, whose in _DETAILS.items():
             if self.written(detail) is not None and whose != action:
                 raise BadInput(f"{detail} belongs to {whose} and says nothing of a {action}")
-        return self
 
-    @model_validator(mode="after")
-    def _details(self) -> Self:
+    def _check_details(self) -> None:
         if self.set_ is not None and self.where is None:
             raise BadInput("set and where belong together: where: 3-7, set: {loss: 0.5}")
         if self.set_ is not None and not self.set_:
@@ -147,19 +183,6 @@ class FaultEntry(BaseModel):
         if self.sensor is not None and len(troubles) != 1:
             told = " and ".join(troubles) or "none"
             raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {told}: bias: 0.01")
-        return self
-
-    @model_validator(mode="after")
-    def _times(self) -> Self:
-        if (self.at is None) == (self.every is None):
-            raise BadInput("write when it starts, at: 3 s, or a random process, every: {mtbf: 5 s, mttr: 1 s}")
-        if self.from_ is not None and self.every is None:
-            raise BadInput("from belongs to every: the process begins there; one fault starts at some instant, at: 3 s")
-        if self.every is not None and self.for_ is not None:
-            raise BadInput("for does not go with every: the process lasts until: 9 s")
-        if self.until is not None and self.for_ is not None:
-            raise BadInput("write until or for, not both")
-        return self
 
     def written(self, name: str) -> Any:
         """The value of the field of this name in the file."""

@@ -5,14 +5,76 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...errors import BadInput
-from ...units import parse
+from ...transport.latencies import LatencyTrace
+from ...transport.losses import LossTrace
+from ...units import Nanoseconds, parse
 
 _IN_TIME = r"_(ns|us|µs|ms|s|min|h)"
 _TRACE, _FILE = "trace", "file"
+
+
+@dataclass(frozen=True)
+class LossTraceText:
+    """A trace of loss as a scenario has it: a file, or as a resolved scenario has it, its numbers.
+
+    file: CSV with columns such as `time_s` and `loss`.
+    times: instants from which on each of `losses` holds.
+    losses: probabilities.
+    repeat: after so long it starts anew.
+    """
+
+    file: str | None = None
+    times: tuple[Nanoseconds, ...] | None = None
+    losses: tuple[float, ...] | None = None
+    repeat: Nanoseconds | None = None
+
+    def made(self) -> LossTrace:
+        """The trace."""
+        times, losses = _numbers(self.file, self.times, self.losses, "losses", "loss")
+        return LossTrace(times, losses, self.repeat)
+
+
+@dataclass(frozen=True)
+class LatencyTraceText:
+    """A trace of latency as a scenario has it: a file, or as a resolved scenario has it, its numbers.
+
+    file: CSV with columns such as `time_s` and `latency_ms`.
+    times: instants from which on each of `latencies` holds.
+    latencies: of frames whose airtime ends then.
+    repeat: after so long it starts anew.
+    """
+
+    file: str | None = None
+    times: tuple[Nanoseconds, ...] | None = None
+    latencies: tuple[Nanoseconds, ...] | None = None
+    repeat: Nanoseconds | None = None
+
+    def made(self) -> LatencyTrace:
+        """The trace."""
+        times, latencies = _numbers(self.file, self.times, self.latencies, "latencies", "latency")
+        return LatencyTrace(times, latencies, self.repeat)
+
+
+STAND_INS: dict[type[Any], type[Any]] = {LossTrace: LossTraceText, LatencyTrace: LatencyTraceText}
+"""Model → what a scenario writes in its place."""
+
+
+def _numbers(
+    file: str | None, times: tuple[int, ...] | None, values: Any, what: str, column: str
+) -> tuple[tuple[int, ...], Any]:
+    numbers = [name for name, given in (("times", times), (what, values)) if given is not None]
+    if (file is not None) == bool(numbers):
+        raise BadInput(f"write a file, or times and {what}: one of the two, not {'both' if numbers else 'neither'}")
+    if file is not None:
+        return read_trace(file, column)
+    if times is None or values is None:
+        raise BadInput(f"times and {what} belong together")
+    return times, values
 
 
 def read_trace(path: str, name: str) -> tuple[tuple[int, ...], tuple[float, ...]]:

@@ -12,11 +12,10 @@ from ...errors import BadInput
 from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import LinkSettings
-from ...transport.media import HalfDuplex, Tdma, on_air
+from ...transport.media import ACCESSES, HalfDuplex, Tdma, on_air
 from .consistency import slots_of
 from .fault_conflicts import vain_faults
 from .graph_changes import GraphChanges, graph_changes
-from .writing import ACCESS_NAMES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -105,7 +104,7 @@ def _rows(plan: Plan, payloads: dict[str, int | None], rates: dict[str, float | 
         elif natural_key(link[0]) < natural_key(link[1]):
             back, back_rate = use(link[::-1], plan.links[link[::-1]])
             shares = [_times(rate, airtime / 1e9), _times(back_rate, back / 1e9)]
-            name = ACCESS_NAMES[type(medium.access)]
+            name = ACCESSES.name_of(type(medium.access))
             yield MediumUse("-".join(link), name, max(airtime, back), _total([rate, back_rate]), _total(shares))
     yield from _air_rows(plan, use)
 
@@ -137,7 +136,7 @@ def _air_rows(plan: Plan, use: Callable[[LinkName, LinkSettings], tuple[int, flo
             used = _times(rate, _slot_share(plan, links[0], medium.access, airtime))
         else:
             used = _total([_times(each, long / 1e9) for long, each in audible])
-        yield MediumUse(f"air {source}", ACCESS_NAMES[type(medium.access)], airtime, rate, used)
+        yield MediumUse(f"air {source}", ACCESSES.name_of(type(medium.access)), airtime, rate, used)
 
 
 def _times(rate: float | None, seconds: float) -> float | None:

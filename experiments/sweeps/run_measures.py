@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..record.record import load
@@ -20,7 +21,7 @@ def measured_runs(folders: Sequence[Path]) -> dict[str, tuple[int, str, Values]]
     found = {}
     for folder in folders:
         scenario = load_scenario(folder / SCENARIO_FILE).scenario
-        text = resolved_yaml(scenario.model_copy(update={"seed": 0}))
+        text = resolved_yaml(replace(scenario, seed=0))
         found[folder.resolve().name] = scenario.seed, text, measure(load(folder))
     return found
 

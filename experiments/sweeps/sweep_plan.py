@@ -12,7 +12,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -219,7 +219,7 @@ def _seeded(read: LoadedScenario, seed: int) -> LoadedScenario:
     """The same with another seed."""
     if seed == read.scenario.seed:
         return read
-    scenario = read.scenario.model_copy(update={"seed": seed})
+    scenario = replace(read.scenario, seed=seed)
     return LoadedScenario(scenario, compile_plan(scenario))
 
 

@@ -10,13 +10,9 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 from .errors import BadInput
-
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler
-    from pydantic_core import CoreSchema
 
 _DEGREE = math.pi / 180
 _SCALES: dict[str, dict[str, Fraction | float]] = {
@@ -28,6 +24,14 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
         "s": Fraction(10**9),
         "min": Fraction(60 * 10**9),
         "h": Fraction(3600 * 10**9),
+    },
+    "s": {
+        "us": Fraction(1, 10**6),
+        "µs": Fraction(1, 10**6),
+        "ms": Fraction(1, 1000),
+        "s": Fraction(1),
+        "min": Fraction(60),
+        "h": Fraction(3600),
     },
     "Hz": {"mHz": Fraction(1, 1000), "Hz": Fraction(1), "kHz": Fraction(1000)},
     "bit/s": {"bit/s": Fraction(1), "kbit/s": Fraction(10**3), "Mbit/s": Fraction(10**6)},
@@ -73,8 +77,11 @@ def parse(text: str, unit: str) -> float | int:
     if match is None or match[2] not in scales:
         raise BadInput(f"{text!r} is not a quantity here: write a number and one of {', '.join(scales)}")
     scale = scales[match[2]]
-    value = Fraction(match[1]) * scale if isinstance(scale, Fraction) else float(match[1]) * scale
-    return round(value) if unit in _WHOLE else float(value)
+    try:
+        value = Fraction(match[1]) * scale if isinstance(scale, Fraction) else Fraction(float(match[1]) * scale)
+        return round(value) if unit in _WHOLE else float(value)
+    except OverflowError:
+        raise BadInput(f"{text!r} is not finite") from None
 
 
 def quantity(value: float, unit: str) -> str:
@@ -91,36 +98,64 @@ def _number(value: float, name: str, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Unit:
-    """Marks a field's unit, in `Annotated[float, Unit("Hz")]`, and tells pydantic how to read it."""
+    """Marks a field's unit, in `Annotated[float, Unit("Hz")]`; where `bare` numbers are allowed, they are in it."""
 
     name: str
+    bare: bool = False
 
     def read(self, value: object) -> float | int:
-        """The number in this unit; text is parsed, 0 needs no unit, any other plain number is refused."""
+        """The number in this unit; text is parsed, 0 needs no unit, any other number is refused unless it may be bare.
+
+        Raises:
+            BadInput: no such quantity.
+        """
         if isinstance(value, str):
             return parse(value, self.name)
-        if isinstance(value, int | float) and not isinstance(value, bool) and value == 0:
-            return 0 if self.name in _WHOLE else 0.0
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if value == 0:
+                return 0 if self.name in _WHOLE else 0.0
+            if self.bare and math.isfinite(value):
+                return float(value)
         units = ", ".join(_SCALES[self.name])
         raise BadInput(f"{value!r} has no unit: write it with one of {units}")
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Validate with `read`; in JSON Schema the field is text."""
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(
-            self.read,
-            handler(source),
-            json_schema_input_schema=core_schema.str_schema(),
-        )
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Units in which it may be written."""
+        return tuple(_SCALES[self.name])
 
 
+OWNERS = Unit("")
+"""Marks a number whose unit is that of what it belongs to, as the amplitude of a signal."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Marks what a plain number lies between, both ends included."""
+
+    least: float | None = None
+    most: float | None = None
+
+
+@dataclass(frozen=True)
+class OneOrMany:
+    """Marks a tuple for which one item may be written alone, and `none`, if that is given, for an empty one."""
+
+    none: str | None = None
+
+
+Probability = Annotated[float, Bounds(0.0, 1.0)]
+Count = Annotated[int, Bounds(least=1)]
 Nanoseconds = Annotated[int, Unit("ns")]
 Hertz = Annotated[float, Unit("Hz")]
 BitsPerSecond = Annotated[float, Unit("bit/s")]
 Bytes = Annotated[int, Unit("B")]
+PerSecond = Annotated[float, Unit("/s")]
 Kilograms = Annotated[float, Unit("kg")]
+Seconds = Annotated[float, Unit("s")]
 Metres = Annotated[float, Unit("m")]
+BareMetres = Annotated[float, Unit("m", bare=True)]
+"""Metres for which a plain number may stand too."""
 MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
 MetresPerRootSecond = Annotated[float, Unit("m/√s")]
@@ -129,6 +164,8 @@ MetresPerSecondSquaredPerRootSecond = Annotated[float, Unit("m/s²/√s")]
 Radians = Annotated[float, Unit("rad")]
 RadiansPerSecond = Annotated[float, Unit("rad/s")]
 RadiansPerSecondPerRootSecond = Annotated[float, Unit("rad/s/√s")]
+KilogramSquareMetres = Annotated[float, Unit("kg m²")]
+NewtonMetres = Annotated[float, Unit("N m")]
 Gauss = Annotated[float, Unit("G")]
 Volts = Annotated[float, Unit("V")]
 Decibels = Annotated[float, Unit("dB")]

@@ -16,7 +16,8 @@ from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.run_arrays import _from_mapping
 from volery.experiments.twin import recorded
 from volery.worlds.plane.plane_world import PlaneWorld, distances, turning
-from volery.worlds.scenario import build
+
+from ..surroundings import build_world as build
 
 PLACES = {"1": (0.0, 0.0), "2": (0.25, 0.0), "3": (0.1, 0.2), "4": (-0.2, 0.15)}
 SCENARIO: dict[str, Any] = {
@@ -128,7 +129,7 @@ def test_gyros_make_the_estimate_better_than_each_sample_by_itself() -> None:
         ("world.distance_noise=0 m", "the world does not say the noise of a distance"),
         ("agents.turn=0 rad", "turn is 0"),
         ("world.gyroscope={nose: 1 deg/s}", "did you mean 'noise'"),
-        ("world.gyroscope=1", "must be a mapping"),
+        ("world.gyroscope=1", "should be a mapping"),
         ("world.gyroscope.noise=-1 deg/s", "must be at least 0"),
     ],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
+from volery.topologies import Formation
 
 NO_STEPS = "agents.script=[]"
 NO_FAULTS = "faults=[]"
@@ -301,7 +301,7 @@ def test_parameters_read_back_equal(tmp_path: Path) -> None:
     path = tmp_path / "again.yaml"
     path.write_text(resolved_yaml(scenario), "utf-8")
     assert load_scenario(path).scenario == scenario
-    assert json.dumps(scenario.agents.parameters.references["A"]) == '{"triangle": "0.9 m"}'
+    assert scenario.agents.parameters.references["A"] == Formation(triangle=0.9)
 
 
 def test_components_of_a_formation_are_named_as_they_are_stored() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from volery import kinds
 from volery.agents import registry
 from volery.agents.dfa.module import DfaModule
 from volery.errors import BadInput
@@ -27,7 +28,7 @@ def _own_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 def test_built_in_kinds_have_names() -> None:
     """A scenario says `dfa-module`."""
     assert registry.find("dfa-module") is DfaModule
-    assert "dfa-module" in registry.names()
+    assert "dfa-module" in registry.AGENTS.names()
 
 
 @pytest.mark.usefixtures("_own_file")
@@ -40,10 +41,10 @@ def test_a_class_in_a_users_file_is_found() -> None:
 @pytest.mark.usefixtures("_own_file")
 def test_an_installed_package_brings_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Through the entry points of the group `volery.agents`."""
-    points = EntryPoints([EntryPoint("mine", "own_agents_of_a_test:Mine", registry.ENTRY_POINTS)])
-    monkeypatch.setattr(registry, "entry_points", points.select)
+    points = EntryPoints([EntryPoint("mine", "own_agents_of_a_test:Mine", registry.AGENTS.entry_points)])
+    monkeypatch.setattr(kinds, "entry_points", points.select)
     assert registry.find("mine").__name__ == "Mine"
-    assert "mine" in registry.names()
+    assert "mine" in registry.AGENTS.names()
 
 
 @pytest.mark.usefixtures("_own_file")

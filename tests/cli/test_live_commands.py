@@ -16,8 +16,8 @@ from volery.experiments.cli import live_commands as cli_live
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import Places
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
-from volery.worlds.scenario import build
 
+from ..surroundings import build_world as build
 from .conftest import Volery
 
 STATUS = {

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from volery.experiments.scenario.link_schema import ACCESSES, LinkFields
+from volery.experiments.scenario.link_schema import LINK_FIELDS
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.presets import PRESETS
 from volery.transport.latencies import LATENCIES
 from volery.transport.losses import LOSSES
+from volery.transport.media import ACCESSES
 
 from .conftest import DOCS, blocks, typed
 
@@ -35,7 +36,7 @@ BASE = {
 
 def test_every_parameter_and_model_is_explained() -> None:
     """Fields of links, accesses, models of loss and latency, and presets."""
-    names = {*LinkFields.__annotations__, *ACCESSES, *LOSSES, *LATENCIES, *PRESETS}
+    names = {*LINK_FIELDS, *ACCESSES.names(), *LOSSES.names(), *LATENCIES.names(), *PRESETS}
     assert names - IN_CODE == set()
 
 

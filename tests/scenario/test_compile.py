@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,14 @@ import pytest
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.consistency import settings_problems
-from volery.experiments.scenario.load import Scenario
+from volery.topologies.graph_settings import Complete, Line
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
 from volery.transport.media import HalfDuplex, Tdma
+from volery.worlds.plane.plane_settings import PlaneSettings
+from volery.worlds.signals import Constant as Always
 
 from .conftest import Load, Refusal
 
@@ -68,11 +71,11 @@ def test_faults_get_ids_in_order_and_times(load: Load) -> None:
 def test_parts_that_do_not_fit_are_refused_without_a_file_too(load: Load) -> None:
     """A scenario made in Python meets the same checks."""
     scenario = load()
-    wrong = Scenario.model_construct(**{**dict(scenario), "topology": {"complete": 3}, "world": {"kind": "plane"}})
+    wrong = replace(scenario, topology=Complete(3), world=PlaneSettings(Always(0.2)))
     with pytest.raises(BadInput, match=r"^world: agents of topology complete have no positions"):
         compile_plan(wrong)
     with pytest.raises(BadInput, match=r"^topology.line: count is 1"):
-        compile_plan(Scenario.model_construct(**{**dict(scenario), "topology": {"line": 1}}))
+        compile_plan(replace(scenario, topology=Line(1)))
 
 
 @pytest.mark.parametrize(
@@ -125,7 +128,7 @@ def test_a_world_may_move_the_agents_of_any_topology(load: Load) -> None:
     plan = compile_plan(load("topology={complete: 3}", MOVING))
     assert (plan.presence, plan.distance_m("1", "2", 0)) == ({}, 9.0)
     scenario = load()
-    wrong = Scenario.model_construct(**{**dict(scenario), "topology": {"line": 4}, "world": load(MOVING).world})
+    wrong = replace(scenario, topology=Line(4), world=load(MOVING).world)
     with pytest.raises(BadInput, match=r"^world.paths: it moves agents 1, 2, 3, the topology has 1, 2, 3, 4"):
         compile_plan(wrong)
 

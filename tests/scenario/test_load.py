@@ -8,6 +8,7 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments.scenario.load import load_scenario
+from volery.topologies.graph_settings import FromFile
 from volery.transport.latencies import Normal
 from volery.transport.losses import GilbertElliott
 from volery.transport.media import HalfDuplex, Tdma
@@ -51,12 +52,12 @@ def test_every_part_is_read(load: Load) -> None:
         (
             "{gilbert-elliott:",
             "{gilbert-eliot:",
-            "links.loss: unknown name 'gilbert-eliot' (did you mean 'gilbert-elli",
+            "links.loss: unknown loss model 'gilbert-eliot' (did you mean 'gilbert-elli",
         ),
         (
             "{kind: half-duplex",
             "{kind: half-dupleks",
-            "links.medium: unknown name 'half-dupleks' (did you mean 'half-d",
+            "links.medium.kind: unknown medium 'half-dupleks' (did you mean 'half-d",
         ),
         ("to_bad: 0.05", "to_bad: -0.05", "links.loss.gilbert-elliott: to_bad is -0.05, a probability lies between 0"),
         (
@@ -115,7 +116,7 @@ def test_every_part_is_read(load: Load) -> None:
         (
             "faults:",
             "world: {kind: plain}\nfaults:",
-            "example.yaml:15:15: world.kind: 'plain' is not known (did you mean 'plane'?)",
+            "example.yaml:15:15: world.kind: unknown world kind 'plain' (did you mean 'plane'?)",
         ),
         (
             "",
@@ -142,8 +143,8 @@ def test_all_errors_come_at_once(refusal: Refusal) -> None:
 
 def test_all_misfits_come_at_once(refusal: Refusal) -> None:
     """What does not fit together is listed together too."""
-    lines = refusal("faults.0.cut=7-8", "faults.1.where=[1>3]", "world.kind=plane").splitlines()
-    assert [line.split(": ")[0] for line in lines] == ["--set faults.0.cut", "--set faults.1.where", "--set world.kind"]
+    lines = refusal("faults.0.cut=7-8", "faults.1.where=[1>3]", "world={kind: target, sees: {9: x}}").splitlines()
+    assert [line.split(": ")[0] for line in lines] == ["--set faults.0.cut", "--set faults.1.where", "--set world"]
 
 
 def test_a_fault_that_the_links_cannot_bear_is_refused_at_the_fault(refusal: Refusal) -> None:
@@ -216,6 +217,6 @@ def test_the_file_of_a_graph_is_found_beside_the_scenario(
         (tmp_path / folder / "graph.edgelist").write_text(edges, encoding="utf-8")
     monkeypatch.chdir(tmp_path / "elsewhere")
     beside = load(replacing=("{line: 3}", "{file: graph.edgelist}"))
-    assert beside.topology == {"file": str(tmp_path / "graph.edgelist")}
+    assert beside.topology == FromFile(str(tmp_path / "graph.edgelist"))
     here = load("topology.file=graph.edgelist")
-    assert here.topology == {"file": str(tmp_path / "elsewhere" / "graph.edgelist")}
+    assert here.topology == FromFile(str(tmp_path / "elsewhere" / "graph.edgelist"))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.experiments.scenario.yaml_document import assign, parse, plain
+from volery.topologies.graph_settings import Line, Ring
 from volery.transport.latencies import Constant, Uniform
 from volery.transport.losses import Bernoulli, GilbertElliott
 from volery.transport.media import FullDuplex
@@ -31,14 +32,14 @@ def test_another_model_replaces_the_one_in_the_file(load: Load) -> None:
     chosen = load("links.loss.bernoulli=0.3", "links.latency.uniform={low: 1 ms, high: 2 ms}", "topology.ring=5")
     assert chosen.links.base.loss == (Bernoulli(0.3),)
     assert chosen.links.base.latency == Uniform(1_000_000, 2_000_000)
-    assert chosen.topology == {"ring": 5}
+    assert chosen.topology == Ring(5)
     changed = load("links.loss.gilbert-elliott.to_bad=0.2")
     assert changed.links.base.loss == (GilbertElliott(0.2, 0.3, 0.9),)
 
 
 def test_what_stands_beside_a_choice_stays(load: Load) -> None:
     """The spacing of a topology is no choice of another one."""
-    assert load("topology.spacing=0.3 m").topology == {"line": 3, "spacing": "0.3 m"}
+    assert load("topology.spacing=0.3 m").topology == Line(3, 0.3)
 
 
 def test_a_bare_value_chooses_the_simplest_model(load: Load) -> None:
@@ -69,7 +70,7 @@ def test_the_later_override_wins(load: Load) -> None:
         ("links.loss={", "--set links.loss:1:2: not YAML"),
         ("links.lss.bernoulli=0.3", "--set links.lss.bernoulli: links.lss: unknown field (did you mean 'loss'?)"),
         ("lniks.loss.bernoulli=0.3", "--set lniks.loss.bernoulli: lniks: unknown field (did you mean 'links'?)"),
-        ("links.loss.bernuli=0.3", "--set links.loss.bernuli: links.loss: unknown name 'bernuli' (did you mean 'b"),
+        ("links.loss.bernuli=0.3", "--set links.loss.bernuli: links.loss: unknown loss model 'bernuli' (did you"),
         ("links.loss.bernoulli=1.3", "--set links.loss.bernoulli: loss probability is 1.3"),
         ("agents.roundz=3", "--set agents.roundz: unknown field (did you mean 'rounds'?)"),
         ("seed.x=3", "--set seed.x: seed: should be a valid integer, not {'x': 3}"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import (
     Scenario,
     builtin_scenarios,
-    json_schema,
     load_scenario,
     new_scenario_text,
     resolved_yaml,
@@ -179,22 +177,3 @@ def test_a_new_scenario_compiles(tmp_path: Path) -> None:
     plan = load_scenario(path).plan
     assert plan.name == "mine"
     validate_plan(plan)
-
-
-def test_the_schema_is_json_and_knows_the_fields() -> None:
-    """Editors get names, enumerations and which fields must be there."""
-    schema = json.loads(json.dumps(json_schema()))
-    assert set(schema["required"]) == {"duration", "topology", "agents"}
-    assert {"links", "faults", "world", "seed"} <= schema["properties"].keys()
-    assert "gilbert-elliott" in json.dumps(schema)
-    assert schema["$defs"]["Agents"]["additionalProperties"] is True
-
-
-def test_the_schema_knows_that_a_value_stands_for_a_model() -> None:
-    """`{bernoulli: 0.1}`, `{frames: [3]}`, `{trace: loss.csv}` and `{constant: 2 ms}` are no errors in an editor."""
-    definitions = json_schema()["$defs"]
-    losses, latencies = definitions["LossModel"]["properties"], definitions["LatencyModel"]["properties"]
-    shapes = [losses["bernoulli"], losses["frames"], losses["trace"], latencies["constant"]]
-    for model, kind in zip(shapes, ["number", "array", "string", "string"], strict=True):
-        assert kind in {shape.get("type") for shape in model["anyOf"]}
-    assert "anyOf" not in losses["markov"]

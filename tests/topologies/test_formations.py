@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.topologies import formation, formation_state
+from volery.topologies import formation_state
+
+from ..surroundings import build_formation as formation
 
 ROUNDING = 1e-12
 
@@ -86,16 +88,20 @@ def test_the_state_of_a_shape_at_rest() -> None:
         ({"line": "1 kg"}, 2, "reference.line: '1 kg' is not a quantity"),
         ({"line": "1 m", "ring": "1 m"}, 3, "line and ring"),
         ({}, 3, "no shape"),
-        ({"lyne": "1 m"}, 3, "'lyne' is not known"),
-        ("line", 3, "is no formation"),
+        ({"lyne": "1 m"}, 3, "reference.lyne: unknown field (did you mean 'line'?)"),
+        ("line", 3, "reference: should be a mapping of fields, not 'line'"),
         ({"places": [[0, 0, 0]]}, 2, "1 places for 2 vehicles"),
-        ({"places": "1 m"}, 2, "not a list of places"),
+        ({"places": "1 m"}, 2, "reference.places: should be a list, not '1 m'"),
         ({"places": [[0, 0, 0], [0]]}, 2, "reference.places.1"),
-        ({"places": [[0, 0, 0], [0, 0, float("inf")]]}, 2, "not finite"),
+        (
+            {"places": [[0, 0, 0], [0, 0, float("inf")]]},
+            2,
+            "reference.places.1.2: inf has no unit: write it with one of mm, cm, m, km",
+        ),
         ({"places": [[0, 0, 0], [0, 0, 0]]}, 2, "vehicles 1 and 2 are in one place"),
         ({"line": "1 m", "order": [1, 1, 2]}, 3, "each number from 1 to 3"),
         ({"line": "1 m", "moved": {4: ["1 m", "0 m", "0 m"]}}, 3, "none of the vehicles 1 to 3"),
-        ({"line": "1 m", "moved": ["1 m"]}, 3, "must be a mapping"),
+        ({"line": "1 m", "moved": ["1 m"]}, 3, "reference.moved: should be a mapping of fields, not ['1 m']"),
         ({"line": "1 m", "turned": 90}, 3, "reference.turned: 90 has no unit"),
     ],
 )

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from volery import topologies
 from volery.errors import BadInput
-from volery.topologies.over_time import build_over_time, near
+from volery.topologies.over_time import Proximity
+
+from ..surroundings import build_graph, build_over_time
 
 S = 1_000_000_000
 END = 10 * S
@@ -46,8 +48,8 @@ def test_random_graphs_of_a_schedule_use_the_seed_of_the_run() -> None:
     kind = {"erdos-renyi": {"count": 8, "probability": 0.4}}
     own = {"erdos-renyi": {"count": 8, "probability": 0.4, "seed": 5}}
     graph = build_over_time({"schedule": [{"from": "0 s", **kind}, {"from": "5 s", **own}]}, 9, END)
-    assert topologies.edges_at(graph, 0) == topologies.edges(topologies.build(kind, 9))
-    assert topologies.edges_at(graph, 5 * S) == topologies.edges(topologies.build(own, 9))
+    assert topologies.edges_at(graph, 0) == topologies.edges(build_graph(kind, 9))
+    assert topologies.edges_at(graph, 5 * S) == topologies.edges(build_graph(own, 9))
 
 
 def test_spans_of_edges() -> None:
@@ -60,7 +62,7 @@ def test_spans_of_edges() -> None:
 
 def test_edges_that_never_go() -> None:
     """A list of edges is a graph as any other."""
-    assert topologies.edges(topologies.build({"edges": ["2-1", "2-3"]}, 1)) == [("1", "2"), ("2", "3")]
+    assert topologies.edges(build_graph({"edges": ["2-1", "2-3"]}, 1)) == [("1", "2"), ("2", "3")]
 
 
 def to_and_fro(time_ns: int) -> dict[str, NDArray[np.float64]]:
@@ -74,7 +76,7 @@ def test_two_are_near_up_to_the_radius_and_stay_so_up_to_the_hysteresis(
     hysteresis: float, gone_s: float, back_s: float | None
 ) -> None:
     """Looked at four times a second: an edge goes at the first look beyond, and comes at the first look within."""
-    spans = near(to_and_fro, 9.0, S // 4, hysteresis, 20 * S)[1]
+    spans = Proximity(9.0, S // 4, hysteresis).near(to_and_fro, 20 * S)[1]
     if back_s is None:
         assert spans == {("1", "3"): [(0, 20 * S)]}
     else:
@@ -95,37 +97,58 @@ def test_agents_that_move_are_linked_where_they_are_near() -> None:
     ("spec", "message"),
     [
         ({"schedule": []}, r"topology.schedule: write a list"),
-        ({"schedule": [{"ring": 4}]}, r"topology.schedule.0: from is missing"),
+        ({"schedule": [{"ring": 4}]}, "topology.schedule.0.from: is missing"),
         ({"schedule": [{"from": "1 s", "ring": 4}]}, r"topology.schedule.0.from: the first graph begins at 0 s"),
-        ({"schedule": [{"from": 0, "ring": 4}, {"from": 5, "line": 4}]}, r"schedule.1.from: 5 is not a time"),
+        (
+            {"schedule": [{"from": 0, "ring": 4}, {"from": 5, "line": 4}]},
+            "topology.schedule.1.from: 5 has no unit: write it with one of ns, us, µs, ms, s, min, h",
+        ),
         ({"schedule": [{"from": 0, "ring": 4}, {"from": "10 s", "line": 4}]}, r"schedule.1.from: 10 s is not within"),
         ({"schedule": [{"from": 0, "ring": 4}, {"from": "0 s", "line": 4}]}, r"schedule.1.from: begins must ascend"),
         ({"schedule": [{"from": 0, "ring": 4}, {"from": "1 s", "line": 5}]}, r"schedule.0: agents 5 of other epochs"),
         ({"schedule": [{"from": 0, "ring": 2}]}, r"topology.schedule.0.ring: count is 2"),
-        ({"schedule": [{"from": 0, "rnig": 4}]}, r"topology.schedule.0: unknown kind 'rnig' \(did you mean 'ring'"),
-        ({"schedule": [{"from": 0, "schedule": []}]}, r"topology.schedule.0: schedule is a graph that changes"),
+        (
+            {"schedule": [{"from": 0, "rnig": 4}]},
+            r"topology.schedule.0.rnig: unknown kind 'rnig' \(did you mean 'ring'\?\)",
+        ),
+        (
+            {"schedule": [{"from": 0, "schedule": []}]},
+            r"topology.schedule.0.schedule: unknown kind 'schedule' \(known: cells, complete, edges, erdo",
+        ),
         ({"schedule": [{"from": 0, "edges": ["12"]}]}, r"topology.schedule.0.edges: '12' is not an edge"),
-        ({"schedule": [{"from": 0, "edges": "1-2"}]}, r"topology.schedule.0.edges: '1-2' is not a list"),
+        ({"schedule": [{"from": 0, "edges": "1-2"}]}, "topology.schedule.0.edges: should be a list, not '1-2'"),
         ({"schedule": [{"from": 0, "edges": ["1-2", "3-4"]}]}, r"schedule: over the whole run, .* not connected"),
-        ({"schedule": [{"from": 0, "ring": 4}], "spacing": 1}, r"topology: spacing beside schedule"),
-        ({"edges": {"1-2": []}}, r"topology.edges.1-2: \[\] has no spans"),
-        ({"edges": {"1-2": "sometimes"}}, r"topology.edges.1-2: 'sometimes' has no spans"),
-        ({"edges": {"1-2": [["1 s", "2 s", "3 s"]]}}, r"is not a span"),
+        ({"schedule": [{"from": 0, "ring": 4}], "spacing": 1}, r"topology.spacing: unknown field \(known: schedule\)"),
+        ({"edges": {"1-2": []}}, r"topology.edges.1-2: no spans: write always, or as in \[\[0 s, 2 s\], \[5 s\]\]"),
+        ({"edges": {"1-2": "sometimes"}}, "topology.edges.1-2: 'sometimes' is none of always"),
+        (
+            {"edges": {"1-2": [["1 s", "2 s", "3 s"]]}},
+            r"topology.edges.1-2.0: should have at most 2 items, not \['1 s', '2 s', '3 s'\]",
+        ),
         ({"edges": {"1-2": [["2 s", "1 s"]]}}, r"the span from 2 s ends at 1 s"),
-        ({"edges": {"1-2": [["10 s"]]}}, r"topology.edges.1-2: 10 s is not within the run, which lasts 10 s"),
+        ({"edges": {"1-2": [["10 s"]]}}, "topology.edges.1-2.0: 10 s is not within the run, which lasts 10 s"),
         ({"edges": {"1-2": [["-1 s"]]}}, r"-1 s is not within"),
         ({"edges": {"1-2": [["0 s", "3 s"], ["2 s"]]}}, r"the spans from 0 s and 2 s overlap"),
-        ({"edges": {"1-2": "always", "2-1": "always"}}, r"topology.edges: '2-1' is written twice"),
+        (
+            {"edges": {"1-2": "always", "2-1": "always"}},
+            "topology.edges.2-1: '2-1' is written twice: keep one, it carries both directions",
+        ),
         ({"edges": {"1>2": "always"}}, r"topology.edges: '1>2' is not an edge"),
         ({"edges": {"1-2": "always", "1-1": "always"}}, r"agent 1 has an edge to itself"),
         ({"proximity": {"radius": "5 m"}}, r"topology.proximity: over the whole run, .* no path from 1 to 2"),
-        ({"proximity": {"radius": "0 m"}}, r"topology.proximity.radius: it is 0 m, it must be above 0"),
+        ({"proximity": {"radius": "0 m"}}, "topology.proximity: radius is 0 m, it must be above 0 and finite"),
         ({"proximity": {"radius": 5}}, r"topology.proximity.radius: 5 has no unit"),
-        ({"proximity": {"radius": "5 m", "hysteresis": "-1 m"}}, r"topology.proximity.hysteresis: it is -1 m"),
+        (
+            {"proximity": {"radius": "5 m", "hysteresis": "-1 m"}},
+            "topology.proximity: hysteresis is -1 m, it must be at least 0",
+        ),
         ({"proximity": {"radius": "5 m", "every": "1 us"}}, r"topology.proximity.every: .* more than a million"),
         ({"proximity": {"radius": "5 m", "every": 0}}, r"topology.proximity.every: .* more than a million"),
-        ({"proximity": {"every": "1 s"}}, r"topology.proximity: radius missing"),
-        ({"proximity": {"radius": "5 m", "range": 1}}, r"topology.proximity: unknown parameter 'range'"),
+        ({"proximity": {"every": "1 s"}}, "topology.proximity.radius: is missing"),
+        (
+            {"proximity": {"radius": "5 m", "range": 1}},
+            r"topology.proximity.range: unknown field \(known: every, hysteresis, radius\)",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_with_its_place_and_remedy(spec: dict[str, Any], message: str) -> None:

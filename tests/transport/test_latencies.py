@@ -208,7 +208,7 @@ def test_a_trace_says_how_long_frames_travel() -> None:
 def test_every_model_is_plain_data() -> None:
     """Through JSON and back each is equal, as it travels in faults; none that a scenario can name is forgotten."""
     models = [Constant(3), *(model for model, *_ in LAWS), LatencyTrace((0, 5), (3, 4), 7)]
-    assert {type(model) for model in models} == set(LATENCIES.values())
+    assert {type(model) for model in models} == set(LATENCIES.classes())
     assert from_plain(json.loads(json.dumps(to_plain(models)))) == tuple(models)
 
 

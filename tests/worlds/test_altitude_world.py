@@ -17,7 +17,8 @@ from volery.worlds.altitude.altitude_world import AltitudeWorld
 from volery.worlds.altitude.room import Obstacle, Room
 from volery.worlds.altitude.tour import Tour
 from volery.worlds.random_walks import walk
-from volery.worlds.scenario import build
+
+from ..surroundings import build_world as build
 
 S = 1_000_000_000
 TABLE = Obstacle((2.0, 0.0), (1.2, 0.8), 0.75)
@@ -142,20 +143,28 @@ def test_a_mapping_becomes_the_world_that_it_says() -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("flihgt", {}, r"world: 'flihgt' is not known \(did you mean 'flight'"),
-        ("flight", {"waypoints": []}, "world.flight.waypoints: .* must be a list of points"),
+        ("flihgt", {}, r"world.flihgt: unknown field \(did you mean 'flight'\?\)"),
+        (
+            "flight",
+            {"waypoints": []},
+            r"world.flight.waypoints: no waypoint: write a list of points, as in \[\[0 m, 0 m\], \[4 m, 0 m\]",
+        ),
         ("flight", {"waypoints": [["0 m", "0 m"]]}, "world.flight: .* at least two are needed"),
-        ("flight", {"waypoints": [[0, 0], ["1 m"]]}, "world.flight.waypoints.1: .* must be two lengths"),
+        ("flight", {"waypoints": [[0, 0], ["1 m"]]}, "world.flight.waypoints.1.1: is missing"),
         ("flight", {"waypoints": [[0, 0], ["1 m", 0]], "speed": 3}, "world.flight.speed: 3 has no unit"),
-        ("obstacles", {"table": {}}, "world.obstacles: .* must be a list"),
-        ("obstacles", [{"sofa": {}}], "world.obstacles.0: 'sofa' is not known"),
-        ("obstacles", ["table"], "world.obstacles.0: 'table' must name one of table, chair, platform"),
+        ("obstacles", {"table": {}}, r"world.obstacles: should be a list, not \{'table': \{\}\}"),
+        ("obstacles", [{"sofa": {}}], r"world.obstacles.0: unknown obstacle 'sofa' \(known: chair, platform, table\)"),
+        ("obstacles", ["table"], "world.obstacles.0.centre: is missing"),
         ("obstacles", [{"table": {"centre": [0, 0], "height": 0}}], "world.obstacles.0.table: .* must be above 0"),
         ("obstacles", [{"table": {"centre": [0, 0], "height": "2 m"}}], "world.* altitude is 1.4 m"),
         ("obstacles", [{"table": {"centre": ["3 m", 0], "height": "2 m"}}], "an obstacle reaches 2 m, .* fly higher"),
         ("sensors", {}, "world: no sensor"),
-        ("sensors", {"bro": "barometer"}, r"world.sensors: 'bro' is not known \(did you mean 'baro'"),
-        ("sensors", {"baro": "altimeter"}, "world.sensors.baro: 'altimeter' is not known"),
+        ("sensors", {"bro": "barometer"}, r"world.sensors.bro: there is no agent 'bro' \(did you mean 'baro'\?\)"),
+        (
+            "sensors",
+            {"baro": "altimeter"},
+            r"world.sensors.baro: unknown sensor 'altimeter' \(did you mean 'barometer'\?\)",
+        ),
         ("sensors", {"baro": {"barometer": {"noise": "-1 m"}}}, "world.sensors.baro.barometer: .* none is below 0"),
         ("sensors", {"laser": {"range": {"rate": 0}}}, "world.sensors.laser.range: rate is 0 Hz"),
         ("sensors", {"imu": {"imu": {"saturation": "9 m/s²"}}}, "saturation is 9 m/s², it must be above 9.81"),

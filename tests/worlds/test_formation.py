@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.rotations import angle_between, integrate, rotate, to_matrix
-from volery.topologies import formation
+from volery.topologies import Formation
 from volery.units import period_ns
 from volery.worlds.formation.air import Gust, Scripted, Turbulence
 from volery.worlds.formation.camera import Camera
@@ -27,9 +27,9 @@ MS, SECOND = 1_000_000, 1_000_000_000
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def world(count: int = 3, spacing: str = "0.9 m", **change: Any) -> FormationWorld:
+def world(count: int = 3, spacing: float = 0.9, **change: Any) -> FormationWorld:
     """Vehicles on a line along x that all look north."""
-    places = formation({"line": spacing}, count)
+    places = Formation(line=spacing).of(count)
     rows = tuple((x, y, z) for x, y, z in places.tolist())
     agents = tuple(str(number) for number in range(1, count + 1))
     return FormationWorld(**{"agents": agents, "places": rows, "headings": (0.0,) * count, "seed": 1, **change})
@@ -206,7 +206,7 @@ def test_the_truth_of_the_formation() -> None:
 
 def test_a_collision_is_told_when_it_begins_and_when_it_ends() -> None:
     """Two vehicles that fly through each other are close for the time that two radii take, and go on undisturbed."""
-    running = exact(2, spacing="2 m", vehicle=Vehicle(command_timeout_ns=9 * SECOND)).begin()
+    running = exact(2, spacing=2.0, vehicle=Vehicle(command_timeout_ns=9 * SECOND)).begin()
     running.act("1", "thrust", np.array([0.9, 0.0, 0.0]))
     seen = []
     for instant in range(0, 3 * SECOND, 100 * MS):
@@ -216,7 +216,7 @@ def test_a_collision_is_told_when_it_begins_and_when_it_ends() -> None:
     assert [each["event"] for each in seen] == ["collision", "collision over"]
     assert begins["agents"] == ends["agents"] == ["1", "2"]
     assert begins["distance_m"] < 0.4 <= ends["distance_m"]
-    path = exact(2, spacing="2 m", vehicle=Vehicle(command_timeout_ns=9 * SECOND)).begin()
+    path = exact(2, spacing=2.0, vehicle=Vehicle(command_timeout_ns=9 * SECOND)).begin()
     path.act("1", "thrust", np.array([0.9, 0.0, 0.0]))
     for told, earlier in ((begins, 0.4), (ends, -0.4)):
         path.advance(told["time_ns"] - period_ns(60.0, 1) - 1)

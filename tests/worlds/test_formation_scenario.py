@@ -13,7 +13,8 @@ from volery.worlds.formation.camera import Camera
 from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.imu import Imu
 from volery.worlds.formation.vehicles import Vehicle
-from volery.worlds.scenario import build
+
+from ..surroundings import build_world as build
 
 AGENTS = ("1", "2", "3")
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -146,26 +147,32 @@ def test_undisturbed_takes_away_all_that_is_random() -> None:
     [
         ({"start": {"triangle": "0.9 m", "ring": "1 m"}}, "world.start: triangle and ring"),
         ({"start": {"line": "30 cm"}}, "world: vehicles 1 and 2 begin 0.3 m apart"),
-        ({"startt": 1}, "world: 'startt' is not known (did you mean 'start'"),
+        ({"startt": 1}, "world.startt: unknown field (did you mean 'start'?)"),
         ({"altitude": "1"}, "world.altitude: '1' is not a quantity"),
-        ({"facing": "sideways"}, "world.facing: 'sideways' is not known"),
-        ({"facing": {1: 9}}, "world.facing: '9' is not known"),
-        ({"facing": {1: 1}}, "world.facing: vehicle 1 cannot face itself"),
+        ({"facing": "sideways"}, "world.facing: 'sideways' is none of next, centre"),
+        ({"facing": {1: 9}}, "world.facing.1: there is no agent '9' (known: 1, 2, 3)"),
+        ({"facing": {1: 1}}, "world.facing.1: vehicle 1 cannot face itself"),
         ({"vehicle": {"mass": "1 m"}}, "world.vehicle.mass: '1 m' is not a quantity"),
-        ({"vehicle": {"inertia": ["1 kg m²"]}}, "world.vehicle.inertia: ['1 kg m²'] must be a list of three"),
-        ({"vehicle": {"thrust_to_weight": "2"}}, "world.vehicle.thrust_to_weight: '2' must be a number"),
+        ({"vehicle": {"inertia": ["1 kg m²"]}}, "world.vehicle.inertia.1: is missing"),
+        ({"vehicle": {"thrust_to_weight": "2"}}, "world.vehicle.thrust_to_weight: should be a valid number, not '2'"),
         ({"vehicle": {"tilt": "95 deg"}}, "world.vehicle: tilt is 95 deg"),
-        ({"camera": {"misses": 2}}, "world: camera.misses is 2"),
-        ({"camera": {"fov": "60 deg"}}, "world.camera: 'fov' is not known"),
-        ({"camera": {"occlusion": "yes"}}, "world.camera.occlusion: 'yes' must be true or false"),
-        ({"camera": 5}, "world.camera: 5 must be a mapping"),
+        ({"camera": {"misses": 2}}, "world.camera: camera.misses is 2, a probability lies between 0 and 1"),
+        (
+            {"camera": {"fov": "60 deg"}},
+            "world.camera.fov: unknown field (known: depth_noise, horizontal, lateral_noise, misses, oc",
+        ),
+        ({"camera": {"occlusion": "yes"}}, "world.camera.occlusion: should be a valid boolean, not 'yes'"),
+        ({"camera": 5}, "world.camera: 5 is none of none"),
         ({"imu": {"gyro_noise": "1 m"}}, "world.imu.gyro_noise: '1 m' is not a quantity"),
-        ({"imu": {"rate": "0 Hz"}}, "world: imu.rate is 0 Hz"),
-        ({"turbulence": {"sigma": 0}}, "world.turbulence: 'sigma' is not known"),
-        ({"gusts": "strong"}, "world.gusts: 'strong' must be a list"),
-        ({"gusts": [{"start": "1 s"}]}, "world.gusts.0: duration is missing"),
-        ({"gusts": {"every": "1 s"}}, "world.gusts: duration is missing"),
-        ({"ground": 1}, "world.ground: 1 must be true or false"),
+        ({"imu": {"rate": "0 Hz"}}, "world.imu: imu.rate is 0 Hz, it must be above 0 and finite"),
+        (
+            {"turbulence": {"sigma": 0}},
+            "world.turbulence.sigma: unknown field (known: acceleration, correlation, vertical)",
+        ),
+        ({"gusts": "strong"}, "world.gusts: should be a list, not 'strong'"),
+        ({"gusts": [{"start": "1 s"}]}, "world.gusts.0.duration: is missing"),
+        ({"gusts": {"every": "1 s"}}, "world.gusts.duration: is missing"),
+        ({"ground": 1}, "world.ground: should be a valid boolean, not 1"),
         ({"sense_delay": 0}, "world: sense_delay is 0 ns"),
     ],
 )
@@ -178,7 +185,7 @@ def test_bad_input_is_refused_with_its_place(spec: dict[str, Any], said: str) ->
 
 def test_a_formation_needs_a_start_and_company() -> None:
     """Without a shape, or with one vehicle, there is none."""
-    with pytest.raises(BadInput, match="world: start is missing"):
+    with pytest.raises(BadInput, match=r"world\.start: is missing"):
         build({"kind": "formation"}, {}, 7, AGENTS)
     with pytest.raises(BadInput, match="at least 2 vehicles, not 1"):
         built(agents=("1",))

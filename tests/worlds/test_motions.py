@@ -11,7 +11,8 @@ import pytest
 
 from volery.errors import BadInput
 from volery.worlds.moving.motions import Circle, MovingWorld, Paths, RandomWaypoint
-from volery.worlds.scenario import MOVING, build
+
+from ..surroundings import build_world as build
 
 S = 1_000_000_000
 AREA = (100.0, 60.0)
@@ -120,7 +121,6 @@ def test_a_world_from_a_mapping() -> None:
         "random-waypoint": {"area": ["100 m", 60], "speed": ["1 m/s", "10.8 km/h"], "pause": "2 s", "count": 2},
         "position": {"rate": "5 Hz", "noise": "20 cm"},
     }
-    assert spec["kind"] == MOVING
     expected = MovingWorld(RandomWaypoint(("1", "2"), AREA, 1.0, 3.0, 2 * S), 9, 5.0, 0.2)
     assert build(spec, {}, 9) == expected
     assert build({"kind": "moving", "circle": {"radius": "20 m", "period": "60 s"}}, {}, 1, ["a", "b"]) == MovingWorld(
@@ -141,29 +141,32 @@ WAY = {"area": [10, 10], "speed": "1 m/s", "count": 2}
     ("spec", "message"),
     [
         ({}, "world: nobody moves: write one of random-waypoint, paths, circle"),
-        ({"circle": {}, "paths": {}}, "world: paths and circle: write one of"),
-        ({"random_waypoint": WAY}, r"'random_waypoint' is not known \(did you mean 'random-waypoint'"),
-        ({"random-waypoint": 3}, "world.random-waypoint: 3 must be a mapping"),
-        ({"random-waypoint": WAY | {"count": 0}}, "world.random-waypoint.count: 0 is not a whole number"),
+        ({"circle": {}, "paths": {}}, "world.circle.radius: is missing"),
+        ({"random_waypoint": WAY}, r"world.random_waypoint: unknown field \(did you mean 'random-waypoint'\?\)"),
+        ({"random-waypoint": 3}, "world.random-waypoint: should be a mapping of fields, not 3"),
+        ({"random-waypoint": WAY | {"count": 0}}, "world.random-waypoint: count is 0, it must be at least 1"),
         ({"random-waypoint": {"area": [1, 1], "speed": "1 m/s"}}, "count is missing: the topology does not say"),
         ({"random-waypoint": WAY | {"speed": 0}}, "world.random-waypoint: speed is 0 to 0 m/s: it must be above 0"),
         ({"random-waypoint": WAY | {"speed": ["2 m/s", "1 m/s"]}}, "speed is 2 to 1 m/s"),
         ({"random-waypoint": WAY | {"speed": "1 m"}}, "world.random-waypoint.speed: '1 m' is not a quantity"),
         ({"random-waypoint": WAY | {"area": [0, 1]}}, r"area is \[0.0, 1.0\] m"),
-        ({"random-waypoint": WAY | {"area": 5}}, "world.random-waypoint.area: 5 is no place"),
+        ({"random-waypoint": WAY | {"area": 5}}, "world.random-waypoint.area: should be a list, not 5"),
         ({"random-waypoint": WAY | {"pause": "-1 s"}}, "pause is -1000000000 ns"),
         ({"circle": {"radius": 0, "period": "1 s", "count": 2}}, "world.circle: radius is 0 m"),
         ({"circle": {"radius": "1 m", "period": 0, "count": 2}}, "world.circle: period is 0"),
         ({"circle": {"radius": "1 m", "period": "1 s", "count": 2, "centre": [0, 0, 0]}}, "world.circle: centre is"),
-        ({"circle": {"period": "1 s", "count": 2}}, "world.circle: radius is missing"),
+        ({"circle": {"period": "1 s", "count": 2}}, "world.circle.radius: is missing"),
         ({"paths": {}}, "world.paths: nobody moves"),
         ({"paths": {"1": {"1 s": [0, 0]}}}, r"world.paths: the path of agent 1 has the times \[1000000000\] ns"),
-        ({"paths": {"1": {"0 s": [0, 0], "0 ms": [1, 0]}}}, "they must ascend from 0"),
+        ({"paths": {"1": {"0 s": [0, 0], "0 ms": [1, 0]}}}, "world.paths.1: one of 0 s, 0 ms stands twice: keep one"),
         ({"paths": {"1": {"0 s": [0, 0]}, "2": {"0 s": [0, 0, 0]}}}, "places have 2 and 3 coordinates"),
-        ({"paths": {"1": {"0 s": 7}}}, "world.paths.1: 7 is no place"),
+        ({"paths": {"1": {"0 s": 7}}}, "world.paths.1.0 s: should be a list, not 7"),
         ({"random-waypoint": WAY, "position": {"rate": 0}}, "world: position.rate is 0 Hz"),
         ({"random-waypoint": WAY, "position": {"noise": "-1 m"}}, "world: position.noise is -1 m"),
-        ({"random-waypoint": WAY, "position": {"sd": "1 m"}}, "world.position: 'sd' is not known"),
+        (
+            {"random-waypoint": WAY, "position": {"sd": "1 m"}},
+            r"world.position.sd: unknown field \(known: noise, rate\)",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_with_its_place_and_remedy(spec: dict[str, Any], message: str) -> None:

@@ -20,7 +20,7 @@ PLACES = positions(sixteen_module_array())
 WORLD = PlaneWorld(
     altitude=Steps((0, SECOND), (0.2, 0.3)),
     roll=Constant(math.radians(5)),
-    pitch=Sine(0.0, math.radians(5), 0.5),
+    pitch=Sine(math.radians(5), 0.5, 0.0),
     positions=PLACES,
     sensor=GaussianDistance(0.005),
     seed=7,
@@ -151,9 +151,9 @@ def test_a_module_in_the_ground_measures_nothing() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"altitude": Sine(0.2, 0.2, 1.0)}, "altitude goes down to 0.0 m"),
+        ({"altitude": Sine(0.2, 1.0, 0.2)}, "altitude goes down to 0.0 m"),
         ({"roll": Constant(math.radians(90))}, "roll reaches 90 deg"),
-        ({"pitch": Sine(1.0, -1.0, 1.0)}, "pitch reaches 114.592 deg"),
+        ({"pitch": Sine(-1.0, 1.0, 1.0)}, "pitch reaches 114.592 deg"),
         ({"rate": 0.0}, "rate is 0 Hz, it must be above 0"),
         ({"positions": {}}, "no positions"),
         ({"positions": {"1": (0.0, 0.0, 0.0)}}, "of agent 1 must be two numbers"),

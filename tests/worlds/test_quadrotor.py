@@ -12,8 +12,9 @@ from volery.errors import BadInput
 from volery.rotations import conjugate, log_quaternion, quaternion_product, quaternion_to_euler
 from volery.worlds.quadrotor.flight import GRAVITY, Airframe, Flight, Manoeuvre
 from volery.worlds.quadrotor.quadrotor_sensors import DEVIATIONS, FIELD, RANGES, QuadrotorWorld
-from volery.worlds.scenario import build
 from volery.worlds.signals import Constant, Ramp, Steps
+
+from ..surroundings import build_world as build
 
 SECOND = 1_000_000_000
 INSTANTS = [5 * SECOND + 137_000_000, 5 * SECOND + 400_000_000, 7 * SECOND]
@@ -160,30 +161,33 @@ def test_a_scenario_says_who_carries_what() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"sensors": {}}, "world: sensors: write at least one agent"),
+        ({"sensors": {}}, r"world.sensors: write at least one agent and what it carries, as in \{flow: \[flow\]\}"),
         ({"sensors": {"imu": []}}, "world: no sensor: give at least one agent one of gyroscope, acc"),
         ({"sensors": {"imu": ["gyroscpe"]}}, "did you mean 'gyroscope'"),
         ({"sensors": {"iMu": "flow"}}, "did you mean 'imu'"),
         ({"sensors": {"imu": "flow", "eye": "flow"}}, "sensor flow is there 2 times"),
-        ({"sensors": {"imu": 3}}, "world: sensors.imu: 3 must be a list"),
+        (
+            {"sensors": {"imu": 3}},
+            "world.sensors.imu: 3 is none of gyroscope, accelerometer, magnetometer, flow, range_centre",
+        ),
         ({"rate": "0 Hz"}, "rate of gyroscope is 0 Hz, it must be above 0"),
-        ({"rates": "50 Hz"}, "world: rates: '50 Hz' must be a mapping"),
+        ({"rates": "50 Hz"}, "world.rates: should be a mapping of fields, not '50 Hz'"),
         (
             {"sensors": {"imu": "gyroscope"}, "rates": {"flow": "50 Hz"}},
-            "world: rates.flow is of a sensor that no agent",
+            "world.rates.flow: is of a sensor that no agent carries: leave it out, or add flow to senso",
         ),
         (
             {"sensors": {"imu": "gyroscope"}, "flow_at": [0, 0, 0]},
-            "flow_at is of a sensor .*: leave it out, or add flow",
+            "world.flow_at: is of a sensor that no agent carries: leave it out, or add flow to sensors",
         ),
         ({"noise": -1}, "noise is -1 times"),
-        ({"noise": "1 m"}, "noise: '1 m' must be a plain number"),
+        ({"noise": "1 m"}, "world.noise: should be a valid number, not '1 m'"),
         ({"arm": "0 m"}, "arm is 0, it must be above 0"),
         ({"flow_at": ["0 m", "0 m"]}, "world.flow_at"),
         ({"roll": "70 deg"}, "roll goes to 1.22173 rad: keep it within 1 rad"),
         ({"altitude": "0 m"}, "altitude goes down to 0 m"),
         ({"altitude": {"ramp": {"from": "1 m", "to": "2 m", "at": "1 s", "over": 0}}}, "must last for some time"),
-        ({"altitude": {"ramp": {"from": "1 m", "to": "2 m", "at": "1 s"}}}, "world.altitude.ramp: over is missing"),
+        ({"altitude": {"ramp": {"from": "1 m", "to": "2 m", "at": "1 s"}}}, "world.altitude.ramp.over: is missing"),
         ({"as_printed": ["rnge"]}, "did you mean 'range'"),
     ],
 )

@@ -15,15 +15,16 @@ from volery.errors import BadInput
 from volery.rotations import angle_between, euler_to_quaternion, quaternion_product, quaternion_rate, rotate
 from volery.worlds.rigid_body.body import RigidBody, Turning
 from volery.worlds.rigid_body.measurement_units import DIRECTIONS, MeasurementUnit, RigidBodyWorld
-from volery.worlds.scenario import build
 from volery.worlds.signals import Constant, Sine
+
+from ..surroundings import build_world as build
 
 SECOND = 1_000_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 INERTIA = (0.02, 0.03, 0.04)
 STILL = (Constant(0.0), Constant(0.0), Constant(0.0))
 TUMBLING = RigidBody(INERTIA, LEVEL, (0.5, 0.3, -0.4), STILL)
-DRIVEN = replace(TUMBLING, torque=(Sine(0.0, 0.01, 0.2), Constant(-0.002), Sine(0.001, 0.02, 0.3, 1.0)))
+DRIVEN = replace(TUMBLING, torque=(Sine(0.01, 0.2, 0.0), Constant(-0.002), Sine(0.02, 0.3, 0.001, 1.0)))
 QUARTERS = math.radians(135)
 UNITS = {
     "1": MeasurementUnit((QUARTERS, 0.0, 0.0), 0.02),
@@ -147,7 +148,7 @@ def test_a_full_mapping_becomes_the_world_that_it_says() -> None:
         ["1", "2", "3"],
     )
     w, x, y, z = euler_to_quaternion(math.pi / 6, math.pi / 6, 0.0).tolist()
-    torque = (Constant(0.0), Constant(0.001), Sine(0.0, 0.002, 0.1))
+    torque = (Constant(0.0), Constant(0.001), Sine(0.002, 0.1, 0.0))
     body = RigidBody(INERTIA, (w, x, y, z), (0.0, 0.0, math.radians(1)), torque)
     units = {
         "1": MeasurementUnit((QUARTERS, 0.0, 0.0)),
@@ -165,23 +166,26 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"unit": {}}, r"world: 'unit' is not known \(did you mean 'units'"),
+        ({"unit": {}}, r"world.unit: unknown field \(did you mean 'units'\?\)"),
         ({"units": {}}, "world: no unit has a sensor"),
         ({"units": {"1": {"sensors": []}}}, "world: no unit has a sensor, so nothing tells the attitude"),
-        ({"units": [1]}, "world.units: .1. must be a mapping"),
-        ({"units": {"1": "noisy"}}, "world.units.1: 'noisy' must be a mapping"),
-        ({"units": {"9": {}}}, "world.units: there is no agent '9': the topology has 1, 2"),
-        ({"units": {"1": {"noize": 0}}}, r"world.units.1: 'noize' is not known \(did you mean 'noise'"),
+        ({"units": [1]}, r"world.units: should be a mapping of fields, not \[1\]"),
+        ({"units": {"1": "noisy"}}, "world.units.1: should be a mapping of fields, not 'noisy'"),
+        ({"units": {"9": {}}}, r"world.units.9: there is no agent '9' \(known: 1, 2\)"),
+        ({"units": {"1": {"noize": 0}}}, r"world.units.1.noize: unknown field \(did you mean 'noise'\?\)"),
         ({"units": {"1": {"noise": "-1 deg"}}}, "world.units.1: noise is -0.0174533 rad, it must be at least 0"),
-        ({"units": {"1": {"sensors": ["gyro"]}}}, "world.units.1: sensor 'gyro' is not known: a unit has accel"),
-        ({"units": {"1": {"sensors": "magnetometer"}}}, "world.units.1.sensors: 'magnetometer' must be a list"),
+        (
+            {"units": {"1": {"sensors": ["gyro"]}}},
+            "world.units.1.sensors.0: 'gyro' is none of accelerometer, magnetometer",
+        ),
+        ({"units": {"1": {"sensors": "magnetometer"}}}, "world.units.1.sensors: should be a list, not 'magnetometer'"),
         ({"units": {"1": {"sensors": ["magnetometer"] * 2}}}, "world.units.1: sensor magnetometer is there twice"),
-        ({"units": {"1": {"mounting": ["1 deg", 0]}}}, "world.units.1.mounting: .* must be a list of three"),
+        ({"units": {"1": {"mounting": ["1 deg", 0]}}}, "world.units.1.mounting.2: is missing"),
         ({"units": {"1": {"mounting": ["1 m", 0, 0]}}}, "world.units.1.mounting.0: '1 m' is not a quantity here"),
         ({"inertia": ["1 kg m²", "1 kg m²", "3 kg m²"]}, "world: inertia 1, 1, 3 kg m²: .* larger than the others"),
         ({"inertia": [0, "1 kg m²", "1 kg m²"]}, "world: inertia 0, 1, 1 kg m²: moments are above 0"),
         ({"torque": [0, 0, "1 N"]}, "world.torque.2: '1 N' is not a quantity here"),
-        ({"rates": "fast"}, "world.rates: 'fast' must be a list of three"),
+        ({"rates": "fast"}, "world.rates: should be a list, not 'fast'"),
         ({"rate": 0}, "world: rate is 0 Hz, it must be above 0"),
     ],
 )
@@ -193,7 +197,7 @@ def test_what_is_wrong_is_named_with_its_place_and_remedy(change: dict[str, Any]
 
 def test_units_are_needed() -> None:
     """The message names what is missing."""
-    with pytest.raises(BadInput, match="world: units is missing"):
+    with pytest.raises(BadInput, match=r"world\.units: is missing"):
         build({"kind": "rigid-body"}, {}, 1, ["1"])
 
 

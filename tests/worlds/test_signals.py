@@ -13,7 +13,7 @@ SECOND = 1_000_000_000
 SIGNALS: list[Signal] = [
     Constant(0.3),
     Steps((0, SECOND, 3 * SECOND), (0.1, 0.4, -0.2)),
-    Sine(0.1, -0.5, 2.0, 0.7),
+    Sine(-0.5, 2.0, 0.1, 0.7),
 ]
 
 
@@ -54,4 +54,4 @@ def test_steps_that_make_no_sense_are_refused(times: tuple[int, ...], levels: tu
 def test_a_sine_without_frequency_is_refused() -> None:
     """The remedy is to write the value alone."""
     with pytest.raises(BadInput, match="write the value alone"):
-        Sine(0.0, 1.0, 0.0)
+        Sine(1.0, 0.0, 0.0)

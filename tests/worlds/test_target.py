@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.worlds.scenario import build
 from volery.worlds.target.target_world import TargetWorld, process_noise, transition
+
+from ..surroundings import build_world as build
 
 AGENTS = ("1", "2", "3", "4")
 
@@ -77,9 +78,9 @@ def test_between_samples_the_target_keeps_its_velocity() -> None:
         ({"rate": "0 Hz"}, "rate is 0 Hz"),
         ({"manoeuvre": "-1 m/s/√s"}, "manoeuvre is -1"),
         ({"sees": ["nothing"]}, "nobody sees anything"),
-        ({"sees": ["x", "z"]}, r"world\.sees: 'z' is not known"),
+        ({"sees": ["x", "z"]}, "world.sees.1: 'z' is none of x, y, nothing"),
         ({"sees": {"7": "x"}}, "there is no agent '7'"),
-        ({"sees": "x"}, "neither a list"),
+        ({"sees": "x"}, "world.sees: should be a list, not 'x'"),
         ({"nose": "1 m"}, "did you mean 'noise'"),
     ],
 )

@@ -14,8 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInput
+from ...kinds import Kinds
 from ...randomness import Stream, stream
-from ...units import check_above_zero, period_ns
+from ...units import (
+    Hertz,
+    Metres,
+    MetresPerRootSecond,
+    MetresPerSecondSquared,
+    MetresPerSecondSquaredPerRootSecond,
+    Radians,
+    RadiansPerSecond,
+    check_above_zero,
+    period_ns,
+)
 from ..random_walks import walk
 from .room import Room
 from .tour import GRAVITY, Pose, Tour
@@ -51,13 +62,13 @@ class ImuSensor:
 
     name: ClassVar[str] = "imu"
 
-    rate: float = 100.0
-    acceleration_noise: float = 0.2
-    attitude_noise: float = math.radians(0.5)
-    gyro_noise: float = 0.02
-    bias: float = 0.1
-    bias_walk: float = 0.002
-    saturation: float = 16 * GRAVITY
+    rate: Hertz = 100.0
+    acceleration_noise: MetresPerSecondSquared = 0.2
+    attitude_noise: Radians = math.radians(0.5)
+    gyro_noise: RadiansPerSecond = 0.02
+    bias: MetresPerSecondSquared = 0.1
+    bias_walk: MetresPerSecondSquaredPerRootSecond = 0.002
+    saturation: MetresPerSecondSquared = 16 * GRAVITY
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -94,12 +105,12 @@ class BarometerSensor:
 
     name: ClassVar[str] = "barometer"
 
-    rate: float = 20.0
-    noise: float = 0.2
-    bias: float = 0.35
-    bias_walk: float = 0.01
-    shift: float = 0.2
-    resolution: float = 0.1
+    rate: Hertz = 20.0
+    noise: Metres = 0.2
+    bias: Metres = 0.35
+    bias_walk: MetresPerRootSecond = 0.01
+    shift: Metres = 0.2
+    resolution: Metres = 0.1
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -129,10 +140,10 @@ class RangeSensor:
 
     name: ClassVar[str] = "range"
 
-    rate: float = 20.0
-    noise: float = 0.03
-    resolution: float = 0.01
-    farthest: float = 25.0
+    rate: Hertz = 20.0
+    noise: Metres = 0.03
+    resolution: Metres = 0.01
+    farthest: Metres = 25.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -145,6 +156,9 @@ class RangeSensor:
         true, roughness = room.beam((x, y, z), downward(pose))
         reading = true + math.hypot(self.noise, roughness) * _stream(seed, "range", agent).normal(index)
         return _rounded(max(reading, 0.0), self.resolution) if reading <= self.farthest else None
+
+
+SENSORS = Kinds("sensor", {"imu": ImuSensor, "barometer": BarometerSensor, "range": RangeSensor})
 
 
 def downward(pose: Pose) -> tuple[float, float, float]:

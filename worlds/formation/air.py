@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...randomness import stream
-from ...units import check_above_zero
+from ...units import MetresPerSecondSquared, Nanoseconds, Seconds, check_above_zero
 
 Floats = NDArray[np.float64]
 
@@ -34,8 +34,8 @@ class Turbulence:
         BadInput: σ or the share below 0, or T not above 0.
     """
 
-    acceleration: float = 0.6
-    correlation: float = 0.5
+    acceleration: MetresPerSecondSquared = 0.6
+    correlation: Seconds = 0.5
     vertical: float = 0.1
 
     def __post_init__(self) -> None:
@@ -73,13 +73,17 @@ class Swirl:
 class Gust:
     """An acceleration [m/s²] of all vehicles from a start on for a while.
 
+    start: when it begins.
+    duration: how long it lasts.
+    acceleration: north, west and up.
+
     Raises:
         BadInput: a duration that is not above 0, or a start before 0.
     """
 
-    start_ns: int
-    duration_ns: int
-    acceleration: tuple[float, float, float]
+    start_ns: Nanoseconds
+    duration_ns: Nanoseconds
+    acceleration: tuple[MetresPerSecondSquared, MetresPerSecondSquared, MetresPerSecondSquared]
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -111,13 +115,17 @@ class Scripted:
 class Random:
     """Gusts at random: exponential times with mean `every_ns` between their starts, level, in a direction drawn anew.
 
+    every: mean time between two starts.
+    duration: of each.
+    acceleration: of each.
+
     Raises:
         BadInput: a time that is not above 0, or an acceleration below 0.
     """
 
-    every_ns: int
-    duration_ns: int
-    acceleration: float
+    every_ns: Nanoseconds
+    duration_ns: Nanoseconds
+    acceleration: MetresPerSecondSquared
 
     def __post_init__(self) -> None:
         """Check the bounds."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ...randomness import Stream
 from ...rotation_columns import conjugates, dots, exponentials, norms, products, turned_back
-from ...units import check_above_zero
+from ...units import Hertz, Metres, Probability, Radians, check_above_zero
 
 Floats = NDArray[np.float64]
 DRAWS = 8
@@ -42,14 +42,14 @@ class Camera:
         BadInput: one of them is out of its bounds.
     """
 
-    rate: float = 30.0
-    horizontal: float = math.radians(67.0)
-    vertical: float = math.radians(53.0)
-    range: float = 5.0
-    depth_noise: float = 0.02
-    lateral_noise: float = 0.02
-    orientation_noise: float = math.radians(1.0)
-    misses: float = 0.02
+    rate: Hertz = 30.0
+    horizontal: Radians = math.radians(67.0)
+    vertical: Radians = math.radians(53.0)
+    range: Metres = 5.0
+    depth_noise: Metres = 0.02
+    lateral_noise: Metres = 0.02
+    orientation_noise: Radians = math.radians(1.0)
+    misses: Probability = 0.02
     occlusion: bool = True
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ...randomness import stream
 from ...rotations import exp_so3
-from ...units import check_above_zero
+from ...units import Hertz, MetresPerSecondSquared, Radians, RadiansPerSecond, check_above_zero
 
 Floats = NDArray[np.float64]
 VALUES = 9
@@ -37,15 +37,15 @@ class Imu:
         BadInput: one of them is out of its bounds.
     """
 
-    rate: float = 30.0
-    gyro_noise: float = 0.01
-    accelerometer_noise: float = 0.1
+    rate: Hertz = 30.0
+    gyro_noise: RadiansPerSecond = 0.01
+    accelerometer_noise: MetresPerSecondSquared = 0.1
     magnetometer_noise: float = 0.01
-    gyro_bias: float = 0.005
-    accelerometer_bias: float = 0.05
+    gyro_bias: RadiansPerSecond = 0.005
+    accelerometer_bias: MetresPerSecondSquared = 0.05
     magnetometer_bias: float = 0.005
-    miscalibration: float = math.radians(1.0)
-    inclination: float = math.radians(63.0)
+    miscalibration: Radians = math.radians(1.0)
+    inclination: Radians = math.radians(63.0)
 
     def __post_init__(self) -> None:
         """Check the bounds."""

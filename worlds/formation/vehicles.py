@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...rotation_columns import dots, exponentials, matrices, norms, products, turned_back
-from ...units import check_above_zero
+from ...units import (
+    Kilograms,
+    KilogramSquareMetres,
+    Metres,
+    Nanoseconds,
+    PerSecond,
+    Radians,
+    Seconds,
+    check_above_zero,
+)
 
 Floats = NDArray[np.float64]
 GRAVITY = 9.81
@@ -39,21 +48,21 @@ class Vehicle:
         drag: deceleration per speed, c [1/s].
         thrust_to_weight: the largest thrust in weights.
         tilt: the largest wanted tilt [rad].
-        command_timeout_ns: a command that is older counts no more.
+        command_timeout_ns: a command that is older counts no more [ns].
 
     Raises:
         BadInput: one of them is out of its bounds.
     """
 
-    mass: float = 0.45
-    radius: float = 0.2
-    inertia: tuple[float, float, float] = (0.0022, 0.0029, 0.0048)
-    attitude_response: float = 0.08
-    rate_response: float = 0.01
-    drag: float = 0.1
+    mass: Kilograms = 0.45
+    radius: Metres = 0.2
+    inertia: tuple[KilogramSquareMetres, KilogramSquareMetres, KilogramSquareMetres] = (0.0022, 0.0029, 0.0048)
+    attitude_response: Seconds = 0.08
+    rate_response: Seconds = 0.01
+    drag: PerSecond = 0.1
     thrust_to_weight: float = 2.0
-    tilt: float = math.pi / 4
-    command_timeout_ns: int = 1_000_000_000
+    tilt: Radians = math.pi / 4
+    command_timeout_ns: Nanoseconds = 1_000_000_000
 
     def __post_init__(self) -> None:
         """Check the bounds."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ...randomness import Stream, stream
 from ...rotations import conjugate, euler_to_quaternion, quaternion_product, rotate
-from ...units import check_above_zero, period_ns
+from ...units import Radians, check_above_zero, period_ns
 from .body import RigidBody, Triple, turning
 
 Floats = NDArray[np.float64]
 
-ACCELEROMETER, MAGNETOMETER = "accelerometer", "magnetometer"
+ACCELEROMETER: Final = "accelerometer"
+MAGNETOMETER: Final = "magnetometer"
 _DIP = math.atan2(0.348, 0.337)
 DIRECTIONS: Mapping[str, Triple] = MappingProxyType(
     {ACCELEROMETER: (0.0, 0.0, 1.0), MAGNETOMETER: (math.cos(_DIP), 0.0, math.sin(_DIP))}
@@ -36,16 +38,17 @@ _CACHED_SENSORS = 4096
 class MeasurementUnit:
     """One unit: how it is mounted, its noise, and which sensors it has.
 
-    mounting: roll, pitch and yaw of its frame in that of the body [rad]. noise: standard deviation of each component
-    of a direction [rad]. sensors: of `accelerometer` and `magnetometer`.
+    mounting: roll, pitch and yaw of its frame in that of the body [rad].
+    noise: standard deviation of each component of a direction [rad].
+    sensors: of `accelerometer` and `magnetometer`.
 
     Raises:
         BadInput: noise below 0, an unknown sensor, or one twice.
     """
 
-    mounting: Triple = (0.0, 0.0, 0.0)
-    noise: float = 0.0
-    sensors: tuple[str, ...] = (ACCELEROMETER, MAGNETOMETER)
+    mounting: tuple[Radians, Radians, Radians] = (0.0, 0.0, 0.0)
+    noise: Radians = 0.0
+    sensors: tuple[Literal["accelerometer", "magnetometer"], ...] = (ACCELEROMETER, MAGNETOMETER)
 
     def __post_init__(self) -> None:
         """Check noise and sensors."""

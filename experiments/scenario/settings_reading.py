@@ -1,0 +1,493 @@
+"""Values read from plain data by annotated types: settings as frozen dataclasses, quantities in units, kinds by name.
+
+What an annotation says (`Unit`, `Kinds`, `Bounds`, `OneOrMany`, `Reader`, `Check`) is turned into types of pydantic;
+validation and JSON Schema come from the same types.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache, cached_property, partial, reduce
+from operator import or_
+from types import GenericAlias, MappingProxyType
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
+
+from ...errors import BadInput
+from ...kinds import Kinds
+from ...names import did_you_mean
+from ...units import Bounds, OneOrMany, Unit
+from ...worlds.signals import Steps
+from .annotations import is_union, mark, owned, written_name
+from .dumping import spelled
+from .field_docs import described, summary
+from .trace_files import STAND_INS
+from .yaml_document import Loc
+
+STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
+TAG = "kind"
+_OWN_CLASS = r"^[^:]+:[^:]+$"
+_NUMBER = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Marks a type with the function that reads it, and with pydantic's type of what is written, for JSON Schema.
+
+    `known`: the names of fields at a place of a value; `spell`: the value as plain data that reads back equal.
+    """
+
+    read: Callable[[Any], Any]
+    written: Callable[[], Any]
+    known: Callable[[Any, Loc], set[str]] | None = None
+    spell: Callable[[Any], Any] | None = None
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Read with the function alone."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """That of what is written, made when somebody asks for it."""
+        return handler(self._text)
+
+    @cached_property
+    def _text(self) -> CoreSchema:
+        written = TypeAdapter(self.written()).core_schema
+        return core_schema.no_info_before_validator_function(lambda value: value, written)
+
+
+def alternatives(*hints: Any) -> Any:
+    """Pydantic's type of what may be one of several."""
+    return any_of([typed(hint) for hint in hints])
+
+
+def any_of(shapes: Sequence[Any]) -> Any:
+    """The union of types."""
+    return reduce(or_, shapes)
+
+
+@dataclass(frozen=True)
+class Check:
+    """Marks a type with a function that returns a value, or refuses it."""
+
+    check: Callable[[Any], Any]
+
+
+def validated(hint: Any, value: Any) -> Any:
+    """The value of an annotated type, read strictly: no text for a number.
+
+    Lists stand for tuples, mappings for settings.
+
+    Raises:
+        ValidationError: all that is wrong, each at its place.
+    """
+    return _adapter(hint).validate_json(json.dumps(value), strict=True)
+
+
+@cache
+def _adapter(hint: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(typed(hint))
+
+
+def typed(hint: Any, owner: Unit | None = None) -> Any:
+    """The type of pydantic that reads an annotated type; `owner`: the unit of numbers that have their owner's."""
+    hint = owned(hint, owner)
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if (several := mark(hint, OneOrMany)) is not None:
+        return Annotated[base, _one_or_many(base, several)]
+    if (kinds := mark(hint, Kinds)) is not None:
+        return Annotated[base, one_of(kinds, mark(hint, Unit))]
+    if (reader := mark(hint, Reader)) is not None:
+        return Annotated[base, reader]
+    unit = mark(hint, Unit)
+    found = _structure(base, owner) if unit is None else _quantity(base, unit)
+    if (bounds := mark(hint, Bounds)) is not None:
+        limits = {"minimum": bounds.least, "maximum": bounds.most}
+        found = Annotated[
+            found, Field(json_schema_extra={name: end for name, end in limits.items() if end is not None})
+        ]
+    return found if (check := mark(hint, Check)) is None else Annotated[found, AfterValidator(check.check)]
+
+
+def _quantity(base: Any, unit: Unit) -> Any:
+    names = "|".join(
+        sorted((name.replace("(", r"\(").replace(")", r"\)") for name in unit.names), key=len, reverse=True)
+    )
+    units = ", ".join(unit.names)
+    text = {"type": "string", "pattern": rf"^{_NUMBER}({names})\s*$", "description": f"number and unit: {units}"}
+    number = {"type": "number"} if unit.bare else {"const": 0}
+    return Annotated[base, BeforeValidator(unit.read), WithJsonSchema({"anyOf": [text, number]})]
+
+
+def _structure(base: Any, owner: Unit | None) -> Any:
+    """A type without marks of its own."""
+    if base is Steps:
+        return Annotated[base, _steps(owner)]
+    if isinstance(base, type) and is_dataclass(base):
+        return _settings(base, owner)
+    parts = get_args(base)
+    if is_union(base):
+        return _union([part for part in parts if part is not type(None)], type(None) in parts, owner)
+    if get_origin(base) in (None, Literal) or not parts:
+        return base
+    whole = get_origin(base)[tuple(part if part is Ellipsis else typed(part, owner) for part in parts)]
+    if issubclass(get_origin(base), Mapping) and mark(parts[0], Unit) is not None:
+        return Annotated[base, _by_quantity(whole)]
+    return whole
+
+
+def _settings(cls: Any, owner: Unit | None) -> Any:
+    if inline_field(cls) is not None:
+        return Annotated[cls, Reader(partial(_read_inline, cls), partial(_inline_text, cls))]
+    read_as: Any = STAND_INS.get(cls, cls)
+    model: Any = model_of(read_as, owner)
+    return Annotated[model, AfterValidator(partial(_made, read_as))]
+
+
+def _by_quantity(whole: Any) -> Reader:
+    """A mapping in which no quantity stands twice, in two units."""
+    adapter = TypeAdapter(whole)
+
+    def read(value: Any) -> Any:
+        found = adapter.validate_json(json.dumps(value), strict=True)
+        if len(found) < len(value):
+            raise BadInput(f"one of {', '.join(value)} stands twice: keep one")
+        return found
+
+    return Reader(read, lambda: whole)
+
+
+def _union(parts: list[Any], optional: bool, owner: Unit | None) -> Any:
+    """The first alternative that reads the value; errors are those of the one that it comes nearest to."""
+    shapes = tuple(typed(part, owner) for part in parts)
+    whole = shapes[0]
+    if len(shapes) > 1:
+        whole = Annotated[Any, Reader(partial(_first, [TypeAdapter(each) for each in shapes]), partial(any_of, shapes))]
+    return whole | None if optional else whole
+
+
+def _first(adapters: list[TypeAdapter[Any]], value: Any) -> Any:
+    text, errors = json.dumps(value), []
+    for adapter in adapters:
+        try:
+            return adapter.validate_json(text, strict=True)
+        except ValidationError as error:
+            errors.append(error)
+    raise max(errors, key=lambda error: max(_nearness(detail) for detail in error.errors(include_url=False)))
+
+
+def _nearness(detail: Mapping[str, Any]) -> tuple[int, bool]:
+    """How far an error's place is inside of the value, and whether its value is of the right type."""
+    return len(detail["loc"]), not detail["type"].endswith("_type")
+
+
+# -- settings -----------------------------------------------------------------------------------------------------
+
+
+@cache
+def model_of(
+    cls: Any,
+    owner: Unit | None = None,
+    *,
+    tag: str = "",
+    beside: Any = None,
+) -> type[BaseModel]:
+    """The fields of a dataclass as a model.
+
+    Args:
+        cls: the dataclass.
+        owner: the unit of numbers that have their owner's.
+        tag: the `kind` that stands beside the fields.
+        beside: a dataclass whose fields stand beside them too.
+    """
+    shown: dict[str, Any] = {TAG: (Literal[tag], ...)} if tag else {}
+    shown |= {} if beside is None else model_fields(beside)
+    shown |= model_fields(cls, owner)
+    name = f"{'' if beside is None else beside.__name__.strip('_')}{cls.__name__}"
+    return create_model(name, __config__=STRICT, __doc__=summary(cls), __module__=cls.__module__, **shown)
+
+
+def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False) -> dict[str, Any]:
+    """The fields of a dataclass, as `pydantic.create_model` takes them; `optional`: any may be left out."""
+    return {
+        f"{field.name}_": (
+            typed(hint, owner),
+            _field(cls, field, name, hint, needed=_needed(field) and not optional, owner=owner),
+        )
+        for name, (hint, field) in read_fields(cls).items()
+    }
+
+
+def partial_model(cls: type[Any]) -> type[BaseModel]:
+    """The fields of a dataclass, of which any may be left out; each is checked by itself."""
+
+    def alone(name: str, value: Any) -> Any:
+        cls(**{name: value})
+        return value
+
+    shown: dict[str, Any] = {
+        name: (Annotated[shape, AfterValidator(partial(alone, name.removesuffix("_")))], field)
+        for name, (shape, field) in model_fields(cls, optional=True).items()
+    }
+    return create_model(cls.__name__, __config__=STRICT, __doc__=summary(cls), __module__=cls.__module__, **shown)
+
+
+def _needed(field: Any) -> bool:
+    return field.default is field.default_factory is MISSING
+
+
+def read_fields(cls: Any) -> dict[str, tuple[Any, Any]]:
+    """Name as it is written → annotated type and field, of all that a dataclass takes."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {written_name(field): (hints[field.name], field) for field in fields(cls) if field.init}
+
+
+def _field(cls: Any, field: Any, name: str, hint: Any, *, needed: bool, owner: Unit | None) -> Any:
+    description = described(cls).get(field.name)
+    if needed:
+        return Field(alias=name, title=name, description=description)
+    default = field.default if field.default_factory is MISSING else field.default_factory()
+    extra = {} if default is MISSING or default is None else {"default": spelled(default, hint, owner)}
+    return Field(default=None, alias=name, title=name, description=description, json_schema_extra=extra)
+
+
+def _made(cls: Any, model: BaseModel) -> Any:
+    made = cls(**given(model))
+    return made.made() if cls in STAND_INS.values() else made
+
+
+def given(model: BaseModel) -> dict[str, Any]:
+    """Field → value of those that were written."""
+    return {name.removesuffix("_"): getattr(model, name) for name in model.model_fields_set if name.endswith("_")}
+
+
+def inline_field(cls: Any) -> str | None:
+    """The field whose own fields stand beside the others of a dataclass."""
+    return next((field.name for field in fields(cls) if field.metadata.get("inline")), None)
+
+
+def _read_inline(cls: Any, value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise BadInput(f"should be a mapping of fields, not {value!r}")
+    inline, hints = str(inline_field(cls)), read_fields(cls)
+    own = {name: item for name, item in value.items() if name in hints and name != inline}
+    others = {name: item for name, item in value.items() if name not in own}
+    beside = given(_outer_model(cls).model_validate_json(json.dumps(own), strict=True))
+    return cls(**beside, **{inline: validated(hints[inline][0], others)})
+
+
+@cache
+def _outer_model(cls: Any) -> type[BaseModel]:
+    return create_model(cls.__name__, __config__=STRICT, **_outer_fields(cls))
+
+
+def _outer_fields(cls: Any) -> dict[str, Any]:
+    return {name: field for name, field in model_fields(cls).items() if name != f"{inline_field(cls)}_"}
+
+
+def _inline_text(cls: Any) -> Any:
+    kinds = mark(read_fields(cls)[str(inline_field(cls))][0], Kinds)
+    assert kinds is not None
+    return _names_and_beside(kinds, None, _outer_fields(cls))
+
+
+# -- several notations --------------------------------------------------------------------------------------------
+
+
+def _one_or_many(base: Any, several: OneOrMany) -> Reader:
+    (item, _) = get_args(base)
+
+    def read(value: Any) -> Any:
+        if several.none is not None and value in (None, several.none):
+            return ()
+        return validated(base, value if isinstance(value, list) else [value])
+
+    def written() -> Any:
+        listed = GenericAlias(list, (typed(item),))
+        return any_of([typed(item), listed, *([Literal[several.none], None] if several.none is not None else [])])
+
+    return Reader(read, written)
+
+
+def _steps(owner: Unit | None) -> Reader:
+    """Instant → level."""
+    pairs = tuple[tuple[Annotated[int, Unit("ns")], Annotated[float, owner]], ...]
+
+    def read(value: Any) -> Steps:
+        if not isinstance(value, dict):
+            raise BadInput(f"{value!r} must be a mapping of instants, as in {{0 s: …, 5 s: …}}")
+        steps = sorted(validated(pairs, [list(pair) for pair in value.items()]))
+        return Steps(tuple(time for time, _ in steps), tuple(level for _, level in steps))
+
+    return Reader(read, lambda: typed(dict[str, Annotated[float, owner]]))
+
+
+@cache
+def one_of(kinds: Kinds, unit: Unit | None = None) -> Reader:
+    """How one of several kinds is read."""
+    read, written = _NOTATIONS[kinds.tag]
+    return Reader(partial(read, kinds, unit), partial(written, kinds, unit))
+
+
+@cache
+def _single(name: str, hint: Any, unit: Unit | None) -> TypeAdapter[Any]:
+    """A mapping of one name to a value."""
+    return TypeAdapter(create_model(name, __config__=STRICT, value=(typed(hint, unit), Field(alias=name))))
+
+
+def _under(name: str, hint: Any, unit: Unit | None, value: Any) -> Any:
+    """A value below its name, so that errors say so."""
+    return _single(name, hint, unit).validate_json(json.dumps({name: value}), strict=True).value
+
+
+def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
+    names = ", ".join(kinds.names())
+    body: Any = {}
+    if isinstance(value, str) and value[:1].isalpha():
+        name = value
+    elif isinstance(value, str | int | float) and not isinstance(value, bool) and kinds.scalar:
+        name, body = kinds.scalar, value
+    elif isinstance(value, dict) and len(value) == 1:
+        ((name, body),) = value.items()
+    else:
+        bare = "a value, or " if kinds.scalar else ""
+        raise BadInput(f"write {bare}exactly one of {names}, not {value!r}")
+    cls = kinds.find(name)
+    if not isinstance(body, dict) and (taken := list(read_fields(STAND_INS.get(cls, cls)))) and cls is not Steps:
+        body = {} if body is None else {taken[0]: body}
+    return _under(name, cls, unit, body)
+
+
+def _keys(kinds: Kinds, unit: Unit | None) -> Any:
+    """A name alone, the value of the first field of `scalar`, or a mapping of one name."""
+    given: dict[str, Any] = {}
+    alone: list[str] = []
+    shapes: list[Any] = []
+    for number, name in enumerate(kinds.names()):
+        cls = kinds.find(name)
+        hints = read_fields(STAND_INS.get(cls, cls))
+        needed = [hint for hint, field in hints.values() if field.default is field.default_factory is MISSING]
+        first = next(iter(hints.values()), (None, None))[0]
+        shape = typed(cls, unit)
+        if first is not None and len(needed) <= 1 and cls is not Steps:
+            shape = shape | typed(first, unit)
+        if not needed:
+            alone.append(name)
+        if name == kinds.scalar:
+            shapes.append(typed(first, unit))
+        given[f"kind{number}"] = (shape, Field(default=None, alias=name, title=name))
+    one: dict[str, Any] = {"minProperties": 1, "maxProperties": 1}
+    title = "".join(word.capitalize() for word in kinds.what.split())
+    model = create_model(title, __config__=ConfigDict(**STRICT, json_schema_extra=one), **given)
+    return any_of([model, *shapes, *([Literal[tuple(alone)]] if alone else [])])
+
+
+def _by_kind(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
+    name, body = tagged(kinds, value)
+    return _adapter_of(kinds.find(name), unit).validate_json(json.dumps(body), strict=True)
+
+
+def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
+    """The kind that a mapping names, and its other fields.
+
+    Raises:
+        BadInput: no mapping, no kind, or an unknown one.
+    """
+    mapping = {TAG: value} if isinstance(value, str) else value
+    if not isinstance(mapping, dict):
+        raise BadInput(f"should be a mapping of fields, not {value!r}")
+    if TAG not in mapping:
+        raise BadInput(f"{TAG} is missing: one of {', '.join(kinds.names())}")
+    name = str(mapping[TAG])
+    try:
+        kinds.find(name)
+    except BadInput as error:
+        raise BadInput(str(error), (TAG,)) from error
+    return name, {key: item for key, item in mapping.items() if key != TAG}
+
+
+@cache
+def _adapter_of(cls: Any, unit: Unit | None) -> TypeAdapter[Any]:
+    return TypeAdapter(typed(cls, unit))
+
+
+def _tags(kinds: Kinds, unit: Unit | None) -> Any:
+    """A mapping with `kind` in it; one whose class is the user's may have any fields."""
+    shapes: list[Any] = [model_of(kinds.find(name), unit, tag=name) for name in kinds.names()]
+    alone = [name for name, shape in zip(kinds.names(), shapes, strict=True) if len(shape.model_fields) == 1]
+    return any_of([*shapes, *([Literal[tuple(alone)]] if alone else [])])
+
+
+def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise BadInput(f"should be a mapping of fields, not {value!r}")
+    known = kinds.names()
+    found = [key for key in value if key in known]
+    if not found:
+        unknown = next(iter(value), None)
+        hint = f"unknown kind {unknown!r}{did_you_mean(unknown, known)}" if unknown else "no kind"
+        raise BadInput(hint if unknown else f"no kind: write one of {', '.join(known)}", (unknown,) if unknown else ())
+    if len(found) > 1:
+        raise BadInput(f"{' and '.join(found)} each name a kind: keep one")
+    name, cls = found[0], kinds.find(found[0])
+    body, beside = value[name], [key for key in value if key != name]
+    if not isinstance(body, dict) or (list(read_fields(cls)) == [name] and list(body) != [name]):
+        return _of_flat(cls, flat_model(cls, name).model_validate_json(json.dumps(value), strict=True))
+    if beside:
+        text = f"{', '.join(beside)} beside {name}: move it into the mapping of {name}"
+        raise BadInput(text, (beside[0],))
+    return _under(name, cls, unit, body)
+
+
+@cache
+def flat_model(cls: Any, name: str) -> type[BaseModel]:
+    """The fields of a kind with its name in the place of the first ones."""
+    hints = read_fields(cls)
+    first = [hint for hint, _ in hints.values()][: cls.plain]
+    value = typed(first[0]) if cls.plain == 1 else typed(tuple[tuple(first)])  # type: ignore[misc]
+    given: dict[str, Any] = {"value": (value, Field(alias=name, title=name, description=summary(cls)))}
+    for other, (hint, field) in list(hints.items())[cls.plain :]:
+        given[f"{field.name}_"] = (typed(hint), _field(cls, field, other, hint, needed=_needed(field), owner=None))
+    return create_model(cls.__name__, __config__=STRICT, __doc__=summary(cls), __module__=cls.__module__, **given)
+
+
+def _of_flat(cls: Any, model: Any) -> Any:
+    names = [field.name for _, field in read_fields(cls).values()][: cls.plain]
+    values = (model.value,) if cls.plain == 1 else model.value
+    return cls(**dict(zip(names, values, strict=True)), **given(model))
+
+
+def _names_and_beside(kinds: Kinds, unit: Unit | None, others: Mapping[str, Any] = MappingProxyType({})) -> Any:
+    """A mapping in which one name has the first fields as its value, or all of them below it."""
+    shapes: list[Any] = []
+    for name in kinds.names():
+        cls = kinds.find(name)
+        shapes.append(create_model(cls.__name__, __base__=flat_model(cls, name), **others))
+        if list(read_fields(cls)) != [name]:
+            below = (typed(cls, unit), Field(alias=name, title=name, description=summary(cls)))
+            shapes.append(create_model(f"{cls.__name__}Below", __config__=STRICT, value=below, **others))
+    return any_of(shapes)
+
+
+_NOTATIONS: Mapping[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    "key": (_by_key, _keys),
+    "kind": (_by_kind, _tags),
+    "beside": (_by_name_and_beside, _names_and_beside),
+}

@@ -1,0 +1,64 @@
+"""Kinds by name: built in, from entry points of installed packages, or `package.module:Name`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any, Literal
+
+from .errors import BadInput
+from .names import did_you_mean, imported_class
+
+
+@dataclass(frozen=True, eq=False)
+class Kinds:
+    """All kinds of one sort, and how a scenario chooses one; in `Annotated[Base, kinds]` it marks such a field.
+
+    what: how errors call one of them, such as "agent kind".
+    built_in: name → class, or where it is, as `package.module:Name`.
+    tag: how the kind is written. `key`: {name: {fields}}, or the name alone, or {name: value of the first field};
+        `kind`: {kind: name, fields}; `beside`: as `key`, where other fields may stand beside the name.
+    scalar: the kind whose first field a bare quantity is.
+    entry_points: the group of entry points that add names, and with which `package.module:Name` is allowed.
+    base: what all of them are subclasses of.
+    """
+
+    what: str
+    built_in: Mapping[str, type[Any] | str]
+    tag: Literal["key", "kind", "beside"] = "key"
+    scalar: str | None = None
+    entry_points: str = ""
+    base: type[Any] = object
+
+    def names(self) -> list[str]:
+        """Every kind that has a name."""
+        added = (point.name for point in entry_points(group=self.entry_points)) if self.entry_points else ()
+        return list(dict.fromkeys((*self.built_in, *sorted(added))))
+
+    def find(self, name: str) -> Any:
+        """The class of a kind.
+
+        Raises:
+            BadInput: no such name, module or class, or not a subclass of the base.
+        """
+        target = self.built_in.get(name)
+        if isinstance(target, type):
+            return target
+        if target is None and self.entry_points:
+            target = (
+                name if ":" in name else next((p.value for p in entry_points(group=self.entry_points, name=name)), None)
+            )
+        if target is None:
+            own = ", or write package.module:Class" if self.entry_points else ""
+            raise BadInput(f"unknown {self.what} {name!r}{did_you_mean(name, self.names())}{own}")
+        return imported_class(target, self.base, f"{self.what} {name!r}")
+
+    def classes(self) -> list[Any]:
+        """The built-in classes."""
+        return [self.find(name) for name in self.built_in]
+
+    def name_of(self, cls: type[Any]) -> str:
+        """The built-in name of a class."""
+        target = f"{cls.__module__}:{cls.__qualname__}"
+        return next(name for name, kind in self.built_in.items() if kind is cls or kind == target)
