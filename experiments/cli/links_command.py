@@ -9,11 +9,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ...errors import BadInput
-from ..scenario.link_table import fault_words, link_groups, link_tables, to_mapping
-from ..scenario.presets import PRESETS, preset_table
+from ..scenario.link_groups import fault_words, link_groups, to_mapping
+from ..scenario.presets import presets as all_presets
 from .common_options import Overrides, ScenarioSource
 from .output import output, print_plain
 from .reading import read_scenario
+from .scenario_tables import link_tables, preset_table
 
 AsJson = Annotated[bool, Parameter("--json", help="Print JSON: the groups, or the presets, with every setting.")]
 Every = Annotated[bool, Parameter("--all", help="List each link on its own, instead of those that are alike together.")]
@@ -48,8 +49,8 @@ def links(
 def _show_presets(as_json: bool) -> None:
     if as_json:
         print_plain(
-            json.dumps({name: asdict(preset) for name, preset in PRESETS.items()}, indent=1, ensure_ascii=False)
+            json.dumps({name: asdict(preset) for name, preset in all_presets().items()}, indent=1, ensure_ascii=False)
         )
         return
-    for name, preset in PRESETS.items():
+    for name, preset in all_presets().items():
         output().print(preset_table(name, preset))

@@ -19,10 +19,11 @@ from ..scenario.load import (
     new_scenario_text,
     resolved_yaml,
 )
-from ..scenario.validate import validate_plan, validation_table
+from ..scenario.validate import validate_plan
 from .common_options import Overrides, ScenarioSource
 from .output import output, print_plain
 from .reading import read_scenario
+from .scenario_tables import validation_table
 
 Resolved = Annotated[bool, Parameter(help="With every default and override written out.")]
 NewName = Annotated[str, Parameter(help="Of the scenario; the file is NAME.yaml, and no file is overwritten.")]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ...agents import registry
 from ...agents.plan import Plan
@@ -16,9 +15,6 @@ from ...transport.media import ACCESSES, HalfDuplex, Tdma, on_air
 from .consistency import slots_of
 from .fault_conflicts import vain_faults
 from .graph_changes import GraphChanges, graph_changes
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 _NAMED = 4
 
@@ -156,26 +152,3 @@ def _overload_message(rows: tuple[MediumUse, ...]) -> str:
         f"airtime utilisation is above 100 % on {named}{more}: "
         "send less or less often, raise links.rate, or write overload: true"
     )
-
-
-def validation_table(validation: Validation) -> Table:
-    """The validation as a table: a row per medium, the totals and what the graph does below."""
-    from rich.table import Table
-
-    table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
-    puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
-    largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
-    said = [*validation.vain] if validation.graph is None else [str(validation.graph), *validation.vain]
-    if said:
-        table.caption, table.caption_justify = "\n".join(said), "left"
-    table.add_column("medium", f"{validation.agents} agents")
-    table.add_column("access", f"largest payload {largest}")
-    table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")
-    table.add_column("frames/s", f"{puts} puts/s", justify="right")
-    table.add_column("utilisation", "", justify="right")
-    for row in validation.rows:
-        rate = "unknown" if row.frames_per_second is None else f"{row.frames_per_second:.4g}"
-        used = "unknown" if row.utilisation is None else f"{row.utilisation:.1%}"
-        style = "bold red" if row in validation.overloaded else None
-        table.add_row(row.medium, row.access, f"{row.airtime_ns / 1e6:.3f} ms", rate, used, style=style)
-    return table

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 
 from volery.experiments.scenario.link_schema import LINK_FIELDS
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.scenario.presets import PRESETS
+from volery.experiments.scenario.presets import presets
 from volery.transport.latencies import LATENCIES
 from volery.transport.losses import LOSSES
 from volery.transport.media import ACCESSES
@@ -36,7 +36,7 @@ BASE = {
 
 def test_every_parameter_and_model_is_explained() -> None:
     """Fields of links, accesses, models of loss and latency, and presets."""
-    names = {*LINK_FIELDS, *ACCESSES.names(), *LOSSES.names(), *LATENCIES.names(), *PRESETS}
+    names = {*LINK_FIELDS, *ACCESSES.names(), *LOSSES.names(), *LATENCIES.names(), *presets()}
     assert names - IN_CODE == set()
 
 

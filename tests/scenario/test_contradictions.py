@@ -8,9 +8,10 @@ import pytest
 from rich.console import Console
 
 from volery.errors import BadInput
+from volery.experiments.cli.scenario_tables import validation_table
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.fault_conflicts import vain_faults
-from volery.experiments.scenario.validate import validate_plan, validation_table
+from volery.experiments.scenario.validate import validate_plan
 from volery.transport.faults import SensorFault
 
 from .conftest import Load, Refusal

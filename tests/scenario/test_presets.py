@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import get_args
 
 import pytest
 
 from volery.agents.beacon import BeaconParameters
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.scenario.presets import PRESETS, PresetName
+from volery.experiments.scenario.presets import presets
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings, Queue
 from volery.transport.media import Aloha, HalfDuplex, Tdma
 
 from .conftest import Load, Refusal
+
+PRESETS = ("irda-115k", "uart-radio-57k", "wifi-adhoc", "802.15.4", "lora", "acoustic-underwater")
 
 
 def of_preset(name: str, *overrides: str) -> LinkSettings:
@@ -25,9 +26,9 @@ def of_preset(name: str, *overrides: str) -> LinkSettings:
 
 
 def test_every_preset_has_a_name_and_a_source_of_every_number() -> None:
-    """The names that a scenario may write are those that there are."""
-    assert set(PRESETS) == set(get_args(PresetName))
-    for preset in PRESETS.values():
+    """A folder of files, of which each says what it is about and what it leaves out."""
+    assert list(presets()) == sorted(PRESETS)
+    for preset in presets().values():
         assert preset.sources.keys() == preset.links.keys()
         assert all((preset.about, preset.missing, *preset.sources.values()))
 

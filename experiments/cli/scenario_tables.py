@@ -1,27 +1,24 @@
-"""The links of a plan as they are resolved: what every direction does with a frame, links that are alike together."""
+"""Links, presets and what a scenario asks for, as tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields
+from typing import Any
 
-from ...agents import registry
+from rich.table import Table
+
 from ...agents.plan import Plan
-from ...topologies import Span, natural_key
-from ...transport.faults import LinkFault, LinkName
+from ...topologies import natural_key
 from ...transport.latencies import LATENCIES
-from ...transport.links import LinkSettings
 from ...transport.losses import LOSSES, Loss
-from ...transport.media import ACCESSES, FullDuplex, HalfDuplex, Tdma, on_air
+from ...transport.media import ACCESSES, FullDuplex
 from ...units import quantity
-from .consistency import slots_of
-from .dumping import settings as plain_settings
-from .fault_labels import fault_label
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from ..scenario.dumping import settings as plain_settings
+from ..scenario.link_groups import LinkGroup, fault_words
+from ..scenario.presets import Preset
+from ..scenario.validate import Validation
 
 _NAMED = 6
 _COLUMNS = 3
@@ -31,106 +28,8 @@ _OTHERWISE = {"there": "always", "corruption": "none", "order": "may overtake"}
 """What stands in a row for a group in which nothing is set, but for a dash."""
 
 
-@dataclass(frozen=True)
-class LinkGroup:
-    """Directed links that are alike: settings, largest payload, faults, and how much of the run they are there.
-
-    `largest_payload` is None where the agent's kind does not tell it. `slots`: how many share a cycle, `slot` the own
-    one, from 0; None where there are none, or the links of the group have different ones. `there`: least and largest
-    fraction of the run in which one of the links is there.
-    """
-
-    links: tuple[LinkName, ...]
-    settings: LinkSettings
-    largest_payload: int | None
-    slots: int | None
-    slot: int | None
-    faults: tuple[str, ...]
-    there: tuple[float, float]
-
-    @property
-    def airtime_ns(self) -> int | None:
-        """Time on the air of the largest payload."""
-        return None if self.largest_payload is None else self.settings.airtime_ns(self.largest_payload)
-
-
-def link_groups(plan: Plan, *, every: bool = False) -> list[LinkGroup]:
-    """The links of a plan in groups that are alike, in natural order of the first; `every`: one each."""
-    payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
-    alike: dict[Any, list[LinkName]] = {}
-    for link in sorted(plan.links, key=lambda link: (natural_key(link[0]), natural_key(link[1]))):
-        faults = tuple(fault.id for fault in plan.faults if isinstance(fault, LinkFault) and link in fault.links)
-        key = plan.links[link], payloads[link[0]], _slots(plan, link), faults, link in plan.presence
-        alike.setdefault((key, link if every else None), []).append(link)
-    return [
-        LinkGroup(tuple(links), settings, payload, slots, _same_slot(plan, links), faults, _there(plan, links))
-        for ((settings, payload, slots, faults, _), _), links in alike.items()
-    ]
-
-
-def _slots(plan: Plan, link: LinkName) -> int | None:
-    medium = plan.links[link].medium
-    return slots_of(plan, link) if isinstance(medium, HalfDuplex) and isinstance(medium.access, Tdma) else None
-
-
-def _same_slot(plan: Plan, links: Sequence[LinkName]) -> int | None:
-    """The slot that all of these have, from 0; None where they have several, or none."""
-    if _slots(plan, links[0]) is None:
-        return None
-    own = {
-        plan.slots[source][0]
-        if on_air(plan.links[source, target].medium)
-        else int(natural_key(source) > natural_key(target))
-        for source, target in links
-    }
-    return own.pop() if len(own) == 1 else None
-
-
-def _there(plan: Plan, links: Iterable[LinkName]) -> tuple[float, float]:
-    always: tuple[Span, ...] = ((0, plan.duration_ns),)
-    parts = [sum(end - start for start, end in plan.presence.get(link, always)) / plan.duration_ns for link in links]
-    return min(parts), max(parts)
-
-
-# -- as data ------------------------------------------------------------------------------------------------------
-
-
-def to_mapping(group: LinkGroup, faults: Mapping[str, str]) -> dict[str, Any]:
-    """A group as plain data: settings as a scenario has them, and what follows from them.
-
-    Args:
-        group: of links.
-        faults: id → what it does, in words.
-    """
-    settings = group.settings
-    return {
-        "links": [">".join(link) for link in group.links],
-        "settings": plain_settings(settings),
-        "largest_payload": group.largest_payload,
-        "airtime_ns": group.airtime_ns,
-        "mean_loss": [_number(model.mean) for model in settings.loss],
-        "mean_corruption": [_number(model.mean) for model in settings.corruption],
-        "shortest_latency_ns": settings.latency.minimum_ns,
-        "mean_latency_ns": _number(settings.latency.mean_ns),
-        "slots": group.slots,
-        "slot": group.slot,
-        "there": list(group.there),
-        "faults": {name: faults[name] for name in group.faults},
-    }
-
-
-def _number(value: float) -> float | None:
-    """JSON knows no NaN."""
-    return None if math.isnan(value) else value
-
-
-# -- as tables ----------------------------------------------------------------------------------------------------
-
-
 def link_tables(plan: Plan, groups: Sequence[LinkGroup]) -> Iterator[Table]:
     """The groups as tables, a column each; what is nowhere set has no row."""
-    from rich.table import Table
-
     words = fault_words(plan)
     rows = [*_ROWS, ("faults", lambda group: _first([words[name] for name in group.faults]))]
     for shown in _batched(groups, _COLUMNS):
@@ -154,16 +53,6 @@ def _first(lines: Sequence[str]) -> str:
 def _batched(groups: Sequence[LinkGroup], size: int) -> Iterator[Sequence[LinkGroup]]:
     for start in range(0, len(groups), size):
         yield groups[start : start + size]
-
-
-def fault_words(plan: Plan) -> dict[str, str]:
-    """Id → what a fault of links does, where and when."""
-    words = {}
-    for fault in plan.faults:
-        if isinstance(fault, LinkFault):
-            until = "on" if fault.until_ns is None else f"to {quantity(fault.until_ns, 'ns')}"
-            words[fault.id] = f"{fault_label(fault, len(plan.links))}, {quantity(fault.at_ns, 'ns')} {until}"
-    return words
 
 
 def _links(group: LinkGroup, total: int) -> str:
@@ -280,3 +169,52 @@ def _value(value: Any) -> str:
     if isinstance(value, list):
         return f"[{','.join(map(_value, value))}]" if len(value) <= _LISTED else f"{len(value)} values"
     return f"{value:.6g}" if isinstance(value, float) else str(value).replace(" ", "")
+
+
+# -- presets ------------------------------------------------------------------------------------------------------
+
+
+def preset_table(name: str, preset: Preset) -> Table:
+    """A preset as a table: its fields, and where their numbers are from."""
+    table = Table(
+        title=f"{name}: {preset.about}",
+        title_justify="left",
+        caption=f"Not in it: {preset.missing[0].lower()}{preset.missing[1:]}",
+        caption_justify="left",
+    )
+    for column in ("field", "value", "source"):
+        table.add_column(column)
+    for field, value in preset.links.items():
+        table.add_row(field, _flow(value), preset.sources[field])
+    return table
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML has it on one line."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
+    return str(value)
+
+
+# -- what a scenario asks for -------------------------------------------------------------------------------------
+
+
+def validation_table(validation: Validation) -> Table:
+    """The validation as a table: a row per medium, the totals and what the graph does below."""
+    table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
+    puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
+    largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
+    said = [*validation.vain] if validation.graph is None else [str(validation.graph), *validation.vain]
+    if said:
+        table.caption, table.caption_justify = "\n".join(said), "left"
+    table.add_column("medium", f"{validation.agents} agents")
+    table.add_column("access", f"largest payload {largest}")
+    table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")
+    table.add_column("frames/s", f"{puts} puts/s", justify="right")
+    table.add_column("utilisation", "", justify="right")
+    for row in validation.rows:
+        rate = "unknown" if row.frames_per_second is None else f"{row.frames_per_second:.4g}"
+        used = "unknown" if row.utilisation is None else f"{row.utilisation:.1%}"
+        style = "bold red" if row in validation.overloaded else None
+        table.add_row(row.medium, row.access, f"{row.airtime_ns / 1e6:.3f} ms", rate, used, style=style)
+    return table
