@@ -28,8 +28,9 @@ class EvaluatedQuantity:
 
     T rows, one a sample or instant, say which of the reports stand side by side: `time_ns` and `index` (T,), `rows`
     agent → (T,), −1 where it has none. For each report of an agent: `truth`, `central` (n, k), and the differences of
-    the report to both, (n, m); NaN where not known. `disagreement` (T,): root mean square distance of the agents to
-    their mean, as seen from the first that has an estimate.
+    the report to both, (n, m), of which there are none where values are subtracted; NaN where not known.
+    `disagreement` (T,): root mean square distance of the agents to their mean, as seen from the first that has an
+    estimate.
     """
 
     components: tuple[Component, ...]
@@ -104,10 +105,16 @@ def save_evaluation(result: EvaluationResult, path: Path) -> None:
 
 
 def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Plain values, with {"array": number} for each array, which is appended to `arrays`."""
+    """Plain values, with {"array": number} for each array, which is appended to `arrays`.
+
+    Arrays by name are one below the other in one array, where what they have in common takes no room when compressed.
+    """
     if isinstance(value, np.ndarray):
         arrays.append(value)
         return {"array": len(arrays) - 1}
+    if isinstance(value, Mapping) and value and all(isinstance(item, np.ndarray) for item in value.values()):
+        arrays.append(np.concatenate(list(value.values())))
+        return {"array": len(arrays) - 1, "lengths": {key: len(item) for key, item in value.items()}}
     if isinstance(value, Mapping):
         return {key: _plain(item, arrays) for key, item in value.items()}
     if is_dataclass(value):
@@ -136,9 +143,11 @@ def load_evaluation(path: Path) -> EvaluationResult | None:
 def _filled(value: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
     """The values that `_plain` was given, with tuples as lists and dataclasses as mappings."""
     if isinstance(value, dict):
-        number = value.get("array")
-        if isinstance(number, int):
-            return arrays[str(number)]
+        if isinstance(number := value.get("array"), int):
+            array, lengths = arrays[str(number)], value.get("lengths")
+            if lengths is None:
+                return array
+            return dict(zip(lengths, np.split(array, np.cumsum([*lengths.values()])[:-1]), strict=True))
         return {key: _filled(item, arrays) for key, item in value.items()}
     return [_filled(item, arrays) for item in value] if isinstance(value, list) else value
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ...agents.agent import Received, Sample
 from ...errors import BadInput
-from ..evaluation.evaluation import Component, Evaluation, Floats, Quantity, Series, evaluations
+from ..evaluation.evaluation import Component, Evaluation, Floats, Quantity, Series, evaluations, subtracted
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
 from .places import Reports, followed_places, true_places, view_places
 from .record import Record
@@ -141,12 +141,17 @@ def _judged(
     record: Record, quantity: Quantity, series: Mapping[str, Series], known: Mapping[str, _References]
 ) -> EvaluatedQuantity:
     time_ns, index, rows = side_by_side(series, record.faults)
-    truth_difference = {agent: quantity.difference(mine.value, known[agent].truth) for agent, mine in series.items()}
-    central_difference = {
-        agent: quantity.difference(mine.value, known[agent].central) for agent, mine in series.items()
-    }
-    first = next(iter(series))
-    width, apart = series[first].value.shape[1], truth_difference[first].shape[1]
+    truth, central = (
+        {agent: getattr(one, reference) for agent, one in known.items()} for reference in _References._fields
+    )
+    first, plain = next(iter(series)), quantity.difference is subtracted
+
+    def differences(references: Mapping[str, Floats]) -> dict[str, Floats]:
+        return {agent: quantity.difference(mine.value, references[agent]) for agent, mine in series.items()}
+
+    of_truth = {} if plain else differences(truth)
+    width = series[first].value.shape[1]
+    apart = width if plain else of_truth[first].shape[1]
     own = quantity.difference_components
     return EvaluatedQuantity(
         _numbered(quantity.name, quantity.components, width),
@@ -155,10 +160,10 @@ def _judged(
         time_ns,
         index,
         rows,
-        {agent: one.truth for agent, one in known.items()},
-        {agent: one.central for agent, one in known.items()},
-        truth_difference,
-        central_difference,
+        truth,
+        central,
+        of_truth,
+        {} if plain else differences(central),
         quantity.disagreement(np.stack([take(series[agent].value, rows[agent]) for agent in series], axis=1)),
     )
 

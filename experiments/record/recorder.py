@@ -1,8 +1,9 @@
 """Writes a run down as it happens: record.mcap, readable up to the last flush whatever ends the run.
 
-Topics: /agents/<name>/estimates, one message an estimate; /agents/<name>/frames and /agents/<name>/facts, one message
-a batch, rows as arrays in the order of the fields of agents.journal; /agents/<name>/events; /run/events. Messages are
-JSON with a JSON Schema, their time is the nominal time in nanoseconds since the start of the run.
+Topics: /agents/<name>/estimates, one message an estimate; /agents/<name>/frames, one message a batch, and
+/agents/<name>/facts (samples, commands, payloads), one for several batches, rows as arrays in the order of the fields
+of agents.journal; /agents/<name>/events; /run/events. Messages are JSON with a JSON Schema, their time is the nominal
+time in nanoseconds since the start of the run.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from .encoding import dump, row_to_json, tag, vector_to_json
 from .run_files import RECORD_FILE
 
 PROFILE = "volery"
+_FACTS_TOGETHER = 100
 ESTIMATES, FACTS, FRAMES, EVENTS, RUN_EVENTS = "estimates", "facts", "frames", "events", "/run/events"
 
 
@@ -62,6 +64,7 @@ class Recorder:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
+        self._facts: dict[tuple[str, int], Batch] = {}
         self._now_ns = 0
 
     def __enter__(self) -> Self:
@@ -81,6 +84,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
+            self._write_facts()
             self._writer.finish()
         finally:
             self._file.close()
@@ -91,9 +95,7 @@ class Recorder:
         for time_ns, quantity, index, value in batch.estimates:
             estimate = {"quantity": quantity, "index": index, "value": vector_to_json(value)}
             self._write(f"{who}/{ESTIMATES}", ESTIMATES, time_ns, {"incarnation": batch.incarnation, **estimate})
-        if any(getattr(batch, name) for name in FACT_ROWS):
-            facts = {name: [row_to_json(row) for row in getattr(batch, name)] for name in FACT_ROWS}
-            self._write(f"{who}/{FACTS}", FACTS, batch.last_ns, {"incarnation": batch.incarnation, **facts})
+        self._keep_facts(batch)
         rows = {name: getattr(batch, name) for name in FRAME_ROWS}
         if any(rows.values()):
             self._write(f"{who}/{FRAMES}", FRAMES, batch.last_ns, {"incarnation": batch.incarnation, **rows})
@@ -107,7 +109,24 @@ class Recorder:
 
     def flush(self) -> None:
         """Bring everything so far into the file, where it survives the end of this process."""
+        self._write_facts()
         self._writer.flush()
+
+    def _keep_facts(self, batch: Batch) -> None:
+        """Gather facts into larger messages: alone they are shorter than what a message adds to them."""
+        life = (batch.agent, batch.incarnation)
+        waiting = self._facts.setdefault(life, Batch(*life))
+        for name in FACT_ROWS:
+            getattr(waiting, name).extend(getattr(batch, name))
+        if sum(len(getattr(waiting, name)) for name in FACT_ROWS) >= _FACTS_TOGETHER:
+            self._write_facts()
+
+    def _write_facts(self) -> None:
+        for batch in filter(None, self._facts.values()):
+            facts = {name: [row_to_json(row) for row in getattr(batch, name)] for name in FACT_ROWS}
+            message = {"incarnation": batch.incarnation, **facts}
+            self._write(f"/agents/{batch.agent}/{FACTS}", FACTS, batch.last_ns, message)
+        self._facts = {}
 
     def _write(self, topic: str, schema: str, time_ns: int, message: dict[str, Any]) -> None:
         self._now_ns = max(self._now_ns, time_ns)

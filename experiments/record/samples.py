@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..evaluation.evaluation import Component, Floats
+from ..evaluation.evaluation import Component, Floats, subtracted
 from ..evaluation.evaluation_result import Whole
 from .record import Record
 from .side_by_side import take
@@ -59,6 +59,12 @@ def samples(record: Record, quantity: str) -> Samples:
     def beside(of: Mapping[str, Floats]) -> Floats:
         return np.stack([take(of[agent], rows) for agent, rows in judged.rows.items()], axis=1)
 
+    def apart(differences: Mapping[str, Floats], reference: Floats) -> Floats:
+        return beside(differences) if differences else subtracted(estimate, reference)
+
+    estimate = beside({agent: mine.value for agent, mine in record.estimates(quantity).items()})
+    oracle, truth = beside(judged.central), beside(judged.truth)
+
     return Samples(
         quantity,
         tuple(judged.rows),
@@ -66,10 +72,10 @@ def samples(record: Record, quantity: str) -> Samples:
         judged.difference_components,
         judged.time_ns,
         judged.index,
-        beside({agent: mine.value for agent, mine in record.estimates(quantity).items()}),
-        beside(judged.central),
-        beside(judged.truth),
-        beside(judged.central_difference),
-        beside(judged.truth_difference),
+        estimate,
+        oracle,
+        truth,
+        apart(judged.central_difference, oracle),
+        apart(judged.truth_difference, truth),
         judged.disagreement,
     )
