@@ -17,7 +17,7 @@ from zstandard import ZstdError
 
 from ...errors import BadInput
 from .recorder import PROFILE
-from .run_files import RECORD_FILE
+from .run_files import EVALUATION_FILE, RECORD_FILE
 
 RECOVERED = "volery.recovered"
 _KEPT_SUFFIX = ".damaged"
@@ -116,6 +116,8 @@ def read(folder: Path) -> tuple[list[Entry], bool]:
 def recover(folder: Path) -> RecoverReport:
     """Make a record that was cut off readable: its whole chunks are written anew, the file as it was is kept beside it.
 
+    An evaluation, which was of all of it, is removed.
+
     Raises:
         BadInput: no record, or a file that never was one.
     """
@@ -129,6 +131,7 @@ def recover(folder: Path) -> RecoverReport:
         if not walk.damage:
             return RecoverReport(messages, "", None)
         kept = path.with_suffix(path.suffix + _KEPT_SUFFIX)
+        (folder / EVALUATION_FILE).unlink(missing_ok=True)
         path.replace(kept)
         mended.replace(path)
         return RecoverReport(messages, walk.damage, kept)

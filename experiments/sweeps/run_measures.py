@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from ..record.record import load
 from ..record.run_files import SCENARIO_FILE
-from ..scenario.load import load_scenario, resolved_yaml
 from .significance import Entry
 from .sweep_runs import Values, measure
 
 RUN = "run"
+_SEED = re.compile(r"^seed:.*\n", re.MULTILINE)
 
 
 def measured_runs(folders: Sequence[Path]) -> dict[str, tuple[int, str, Values]]:
     """Name of a run's folder → its seed, its scenario without the seed, and what was measured."""
     found = {}
     for folder in folders:
-        scenario = load_scenario(folder / SCENARIO_FILE).scenario
-        text = resolved_yaml(replace(scenario, seed=0))
-        found[folder.resolve().name] = scenario.seed, text, measure(load(folder))
+        record = load(folder)
+        without_seed = _SEED.sub("", (folder / SCENARIO_FILE).read_text("utf-8"))
+        found[folder.resolve().name] = record.plan.seed, without_seed, measure(record)
     return found
 
 

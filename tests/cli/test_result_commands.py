@@ -177,14 +177,16 @@ def test_verify_ends_with_3_where_the_run_departs(volery: Volery, own_run: Path)
 
 
 def test_a_damaged_record_is_recovered(volery: Volery, own_run: Path) -> None:
-    """A record that was cut off is refused with the remedy, and after that remedy it is measured."""
+    """A record that was cut off is refused with the remedy, and after that remedy it is evaluated and measured."""
     record = own_run / "record.mcap"
     record.write_bytes(record.read_bytes()[: record.stat().st_size * 3 // 4])
     said = volery("metrics", "last")
     assert said.code == 2
     assert "`volery recover runs/short`" in said.error
     assert volery("recover", "last").code == 0
-    assert volery("metrics", "last").code == 0
+    assert "this run is not evaluated" in volery("metrics", "last").out
+    assert volery("evaluate", "last").code == 0
+    assert "not evaluated" not in volery("metrics", "last").out
 
 
 def test_a_record_that_never_was_one(volery: Volery, own_run: Path) -> None:

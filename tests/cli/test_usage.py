@@ -12,7 +12,7 @@ from .conftest import Volery
 
 SCENARIO_COMMANDS = ["list", "show", "new", "validate", "links"]
 LIVE_COMMANDS = ["status", "watch", "fault", "stop"]
-RESULT_COMMANDS = ["metrics", "compare", "plot", "export", "verify", "recover"]
+RESULT_COMMANDS = ["metrics", "evaluate", "compare", "plot", "export", "verify", "recover"]
 COMMANDS = [*SCENARIO_COMMANDS, "run", "sweep", *LIVE_COMMANDS, *RESULT_COMMANDS]
 FAULTS = ["cut", "restore", "set", "kill", "restart", "pause", "clear"]
 
