@@ -8,6 +8,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "volery"
 CODE_FOLDERS = sorted(path.parent.name for path in ROOT.glob("*/__init__.py"))
 LONGEST_FILE = 500
+LAYERS = {"docs", "end_to_end", "house", "rotations", "twin"}
 
 
 def python_files() -> list[Path]:
@@ -33,6 +34,14 @@ def test_no_file_is_too_long() -> None:
     """A file of more than 500 lines probably holds two subjects: look at it again."""
     lengths = {str(path.relative_to(ROOT)): len(path.read_text("utf-8").splitlines()) for path in python_files()}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
+
+
+def test_tests_mirror_the_folders_of_the_package() -> None:
+    """Beside the layers that go across folders; the name of a test file stands once."""
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    folders = {path.parent.relative_to(ROOT / "tests") for path in files}
+    assert {str(folder) for folder in folders if not (PACKAGE / folder).is_dir()} == LAYERS
+    assert sorted({path.name for path in files}) == sorted(path.name for path in files)
 
 
 @pytest.mark.parametrize("command", ["make demo", "make test"])

@@ -18,7 +18,7 @@ from volery.worlds.altitude.room import Obstacle, Room
 from volery.worlds.altitude.tour import Tour
 from volery.worlds.random_walks import walk
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 S = 1_000_000_000
 TABLE = Obstacle((2.0, 0.0), (1.2, 0.8), 0.75)

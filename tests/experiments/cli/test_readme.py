@@ -15,7 +15,7 @@ from volery.experiments.scenario.validate import validate_plan
 
 from .conftest import Volery
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 TYPED = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines() if line.startswith("volery ")]

@@ -17,7 +17,7 @@ from volery.experiments.run_arrays import _from_mapping
 from volery.experiments.twin import recorded
 from volery.worlds.plane.plane_world import PlaneWorld, distances, turning
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 PLACES = {"1": (0.0, 0.0), "2": (0.25, 0.0), "3": (0.1, 0.2), "4": (-0.2, 0.15)}
 SCENARIO: dict[str, Any] = {

@@ -14,7 +14,7 @@ from volery.worlds.formation.formation_world import FormationWorld
 from volery.worlds.formation.imu import Imu
 from volery.worlds.formation.vehicles import Vehicle
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 AGENTS = ("1", "2", "3")
 MS, SECOND = 1_000_000, 1_000_000_000

@@ -14,7 +14,7 @@ from volery.worlds.quadrotor.flight import GRAVITY, Airframe, Flight, Manoeuvre
 from volery.worlds.quadrotor.quadrotor_sensors import DEVIATIONS, FIELD, RANGES, QuadrotorWorld
 from volery.worlds.signals import Constant, Ramp, Steps
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 SECOND = 1_000_000_000
 INSTANTS = [5 * SECOND + 137_000_000, 5 * SECOND + 400_000_000, 7 * SECOND]

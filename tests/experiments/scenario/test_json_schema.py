@@ -18,7 +18,7 @@ from volery.experiments.scenario.schema import Scenario, json_schema
 from volery.experiments.scenario.yaml_document import parse, plain
 
 from .conftest import TEXT
-from .test_written import EVERY_FAULT
+from .test_resolved import EVERY_FAULT
 
 BUILT_IN = [scenario.name for scenario in builtin_scenarios()]
 PLANE = "world: {kind: plane, altitude: 0.2 m"

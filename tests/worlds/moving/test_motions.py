@@ -12,7 +12,7 @@ import pytest
 from volery.errors import BadInput
 from volery.worlds.moving.motions import Circle, MovingWorld, Paths, RandomWaypoint
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 S = 1_000_000_000
 AREA = (100.0, 60.0)

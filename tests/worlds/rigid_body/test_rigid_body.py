@@ -17,7 +17,7 @@ from volery.worlds.rigid_body.body import RigidBody, Turning
 from volery.worlds.rigid_body.measurement_units import DIRECTIONS, MeasurementUnit, RigidBodyWorld
 from volery.worlds.signals import Constant, Sine
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 SECOND = 1_000_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)

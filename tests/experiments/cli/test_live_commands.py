@@ -17,7 +17,7 @@ from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import Places
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 from .conftest import Volery
 
 STATUS = {

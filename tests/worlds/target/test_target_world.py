@@ -10,7 +10,7 @@ import pytest
 from volery.errors import BadInput
 from volery.worlds.target.target_world import TargetWorld, process_noise, transition
 
-from ..surroundings import build_world as build
+from ...surroundings import build_world as build
 
 AGENTS = ("1", "2", "3", "4")
 
