@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...errors import BadInput
-from ...units import Hertz, check_fields_above_zero, period_ns
+from ...units import Count, Hertz, check_fields_above_zero, period_ns
 from .. import payloads
 from .estimators import CONSENSUS, message_size
 
@@ -38,7 +38,7 @@ class DfaParameters:
 
     rate: Hertz = 20.0
     estimator: Estimator = "metropolis-least-squares"
-    rounds: int = 3
+    rounds: Count = 3
     timing: Literal["synchronous", "asynchronous"] = "synchronous"
     payload: payloads.Precision = "float32"
     model: Literal["linear", "exact"] = "linear"

@@ -8,6 +8,7 @@ from typing import Literal
 
 from ...errors import BadInput
 from ...estimators.distributed.filters import FilterChoice, choose_filter
+from ...units import Count
 from .. import payloads
 from ..idle import refuse_idle
 
@@ -32,7 +33,7 @@ class FusingParameters:
     """
 
     filter: str = "hybrid-contributions"
-    rounds: int = 3
+    rounds: Count = 3
     options: Mapping[str, float] = field(default_factory=dict)
     payload: payloads.Precision = "float32"
     phase: Literal["aligned", "drawn"] = "drawn"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache, partial
 from typing import Annotated, Any
 
@@ -26,6 +26,7 @@ from .settings_reading import (
     Check,
     Reader,
     any_of,
+    given,
     model_fields,
     model_of,
     read_fields,
@@ -92,10 +93,10 @@ class _Some(_EveryKind):
 def _read_agents(made: Any, beside: Any, value: Any) -> Any:
     """A kind with its parameters, and what stands beside them."""
     kind, body = tagged(AGENTS, value)
-    own = read_fields(beside)
-    parameters = {name: item for name, item in body.items() if name not in own}
-    fields = vars(validated(beside, {name: item for name, item in body.items() if name in own}))
-    return made(kind=kind, parameters=validated(AGENTS.find(kind).Parameters, parameters), **fields)
+    parameters = AGENTS.find(kind).Parameters
+    values = given(validated(model_of(parameters, beside=beside), body))
+    own = beside(**{field.name: values.pop(field.name) for field in fields(beside) if field.name in values})
+    return made(kind=kind, parameters=parameters(**values), **vars(own))
 
 
 def _agents_text(beside: Any) -> Any:
@@ -117,8 +118,8 @@ def _known_of_agents(beside: Any, value: Any, loc: Loc) -> set[str]:
 
 
 def _spelled_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:
-    fields = {name: spelled(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
-    return {TAG: agents.kind, **fields, **spelled(agents.parameters)}
+    own = {name: spelled(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
+    return {TAG: agents.kind, **own, **spelled(agents.parameters)}
 
 
 def _agents_reader(made: Any, beside: Any) -> Reader:

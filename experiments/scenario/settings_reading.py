@@ -43,8 +43,7 @@ from .yaml_document import Loc
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
 TAG = "kind"
-_OWN_CLASS = r"^[^:]+:[^:]+$"
-_NUMBER = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+_NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
 
 
 @dataclass(frozen=True)
@@ -130,8 +129,13 @@ def _quantity(base: Any, unit: Unit) -> Any:
     names = "|".join(
         sorted((name.replace("(", r"\(").replace(")", r"\)") for name in unit.names), key=len, reverse=True)
     )
+    sign = "[-+]?" if unit.signed else "[+]?"
     units = ", ".join(unit.names)
-    text = {"type": "string", "pattern": rf"^{_NUMBER}({names})\s*$", "description": f"number and unit: {units}"}
+    text = {
+        "type": "string",
+        "pattern": rf"^\s*{sign}{_NUMBER}({names})\s*$",
+        "description": f"number and unit: {units}",
+    }
     number = {"type": "number"} if unit.bare else {"const": 0}
     return Annotated[base, BeforeValidator(unit.read), WithJsonSchema({"anyOf": [text, number]})]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from ...errors import BadInput
-from ...units import Nanoseconds, PartsPerBillion, quantity
+from ...units import Bounds, Nanoseconds, PartsPerBillion, Probability, quantity
 from .fault_places import Words
 from .fault_processes import Every
 from .link_schema import LinkChanges
@@ -45,7 +45,7 @@ class Spikes:
     """
 
     size: Size
-    probability: float
+    probability: Probability
 
     def __post_init__(self) -> None:
         """Check the bound."""
@@ -131,7 +131,7 @@ class FaultEntry:
     keep_state: _Flag | None = None
     pause: Words | None = None
     hog: Words | None = None
-    share: Annotated[float, Check(_share)] | None = None
+    share: Annotated[float, Check(_share), Bounds(0.0, 1.0)] | None = None
     clock: Words | None = None
     offset: Nanoseconds | None = None
     drift: Annotated[PartsPerBillion, Check(_drift)] | None = None

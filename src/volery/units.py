@@ -56,6 +56,7 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "ppb": {"ppb": Fraction(1), "ppm": Fraction(1000)},
 }
 _WHOLE = ("ns", "B", "ppb")
+_UNSIGNED = ("Hz", "bit/s", "B", "kg", "kg m²", "/s")
 _WRITTEN_IN = {
     "ns": ("s", "ms", "us", "ns"),
     "bit/s": ("Mbit/s", "kbit/s", "bit/s"),
@@ -118,6 +119,11 @@ class Unit:
                 return float(value)
         units = ", ".join(_SCALES[self.name])
         raise BadInput(f"{value!r} has no unit: write it with one of {units}")
+
+    @property
+    def signed(self) -> bool:
+        """Whether a quantity in it may be below 0 at all."""
+        return self.name not in _UNSIGNED
 
     @property
     def names(self) -> tuple[str, ...]:

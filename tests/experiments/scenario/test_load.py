@@ -141,6 +141,12 @@ def test_all_errors_come_at_once(refusal: Refusal) -> None:
     ]
 
 
+def test_fields_of_agents_and_parameters_of_their_kind_are_checked_together(refusal: Refusal) -> None:
+    """They stand in one mapping, and what is wrong with them is listed at once."""
+    lines = refusal("agents.compute=-1 ms", "agents.raet=3 Hz").splitlines()
+    assert [line.split(": ")[0] for line in lines] == ["--set agents.compute", "--set agents.raet"]
+
+
 def test_all_misfits_come_at_once(refusal: Refusal) -> None:
     """What does not fit together is listed together too."""
     lines = refusal("faults.0.cut=7-8", "faults.1.where=[1>3]", "world={kind: target, sees: {9: x}}").splitlines()
