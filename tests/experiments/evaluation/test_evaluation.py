@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volery.agents.agent import Agent, Received, Sample
+from volery.agents.agent import Agent, Received, Sample, Timer
 from volery.agents.journal import Taken
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
-from volery.experiments.evaluation.evaluation import Evaluation, Series, evaluation_class
+from volery.experiments.evaluation.evaluation import Evaluation, Series, View, evaluation_class
 from volery.experiments.evaluation.evaluation_result import EvaluationResult, load_evaluation, save_evaluation
 from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
 from volery.experiments.record.record import Record, load
@@ -25,6 +25,7 @@ from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.schema import resolved_yaml
 from volery.experiments.twin import Twin, recorded
 from volery.transport.faults import ClockFault, Kill, Pause, SensorFault
+from volery.worlds.moving.motions import MovingWorld, Paths
 
 MS = 1_000_000
 Floats = NDArray[np.float64]
@@ -150,6 +151,60 @@ def test_samples_are_recorded_in_nominal_time(
     for life in (("1", 0), ("2", 0)):
         assert [taken.time_ns // MS for taken in record.batches[life].samples] == [0, 100, 200, 300, 400]
     assert record.batches["1", 0].samples[2] == Taken("count", 2, 200 * MS, None, None)
+
+
+def test_the_truth_of_a_coupled_world_is_found_by_its_index(plan_of: PlanOf) -> None:
+    """Under the name of the agent first; of an index that the world has not written nothing is known."""
+    times, index = np.array([0, 30, 60]), np.array([0, 2, 4])
+    written = {
+        "x": Series(times, index, np.array([[1.0], [2.0], [3.0]])),
+        "x@2": Series(times, index, np.array([[-1.0], [-2.0], [-3.0]])),
+    }
+    of = Evaluation(plan_of([("1", "2")]), written)
+    assert [of.truth(agent, "x", 2, 0) for agent in "12"] == [np.array([2.0]), np.array([-2.0])]
+    assert [of.truth("1", "x", index, 0) for index in (1, 5)] == [None, None]
+    assert [of.instant("1", "x", index, 99) for index in (2, 3)] == [30, 99]
+    assert of.truth("1", "y", 2, 0) is None
+
+
+class Walk(Evaluation):
+    """Views of one place, which walks."""
+
+    def view(self, reports: Mapping[str, Floats]) -> View:
+        """Where it is, with as much as it has walked."""
+        return View({"here": np.array([reports["place"][0], 0.0])})
+
+
+class Walker(Agent):
+    """Reports each millisecond until 100 ms how many have gone by, and once more at 205 ms."""
+
+    evaluation = Walk
+
+    def start(self) -> None:
+        """Set all timers."""
+        for index in (*range(100), 205):
+            self.context.set_timer(index * MS, index=index)
+
+    def on_timer(self, timer: Timer) -> None:
+        """Report."""
+        self.context.report("place", timer.index, timer.index)
+
+
+def test_views_are_kept_fifty_times_a_second_and_where_anything_changes(plan_of: PlanOf) -> None:
+    """The last of each 20 ms, at its own instant; nothing while nothing is reported."""
+    views = recorded(plan_of([("1", "2")], 300, kind=Walker)).evaluated.views["1"]
+    assert [time_ns // MS for time_ns in views.time_ns.tolist()] == [0, 20, 40, 60, 80, 99, 205]
+    assert views.places[:, 0, 0].tolist() == [0, 20, 40, 60, 80, 99, 205]
+    assert [views.row(ms * MS) for ms in (0, 19, 20, 204, 205)] == [0, 0, 1, 5, 6]
+
+
+def test_places_of_agents_that_move_are_kept_at_the_same_rate(plan_of: PlanOf) -> None:
+    """Each 20 ms, and at the end."""
+    world = MovingWorld(Paths(dict.fromkeys("12", ((0, (0.0, 0.0)), (100 * MS, (1.0, 0.0))))), 7)
+    places = recorded(replace(plan_of([("1", "2")], 50), world=world)).evaluated.places
+    assert places is not None
+    assert [time_ns // MS for time_ns in places.time_ns.tolist()] == [0, 20, 40, 50]
+    np.testing.assert_allclose(places.places[:, 1, 0], [0.0, 0.2, 0.4, 0.5])
 
 
 def assert_same(found: EvaluationResult, expected: EvaluationResult) -> None:
