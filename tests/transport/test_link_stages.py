@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.transport.latencies import Constant, Normal, Uniform
-from volery.transport.links import CUT, DELIVERED, HALF_DUPLEX, LOST, SHORTEST_TRAVEL_NS, LinkSettings, Queue, fate
+from volery.transport.links import (
+    COLLISION,
+    CUT,
+    DELIVERED,
+    HALF_DUPLEX,
+    LOST,
+    SHORTEST_TRAVEL_NS,
+    LinkSettings,
+    Queue,
+    fate,
+)
 from volery.transport.losses import Bernoulli, GilbertElliott
 from volery.transport.media import HalfDuplex, Tdma
 
@@ -197,8 +207,9 @@ def test_a_restarted_agent_draws_from_its_own_streams(sending_end: Any) -> None:
     ],
 )
 def test_the_first_cause_counts(verdict: str, deaf: bool, expected: str) -> None:
-    """Cut before half-duplex before loss."""
+    """Cut before half-duplex before collision before loss."""
     assert fate(verdict, deaf=deaf) == expected
+    assert fate(verdict, deaf=deaf, collided=True) == (COLLISION if expected not in (CUT, HALF_DUPLEX) else expected)
 
 
 def test_a_frame_sent_ahead_takes_up_room_until_its_start(sending_end: Any) -> None:

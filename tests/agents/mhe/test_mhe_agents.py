@@ -153,7 +153,7 @@ def test_one_that_comes_back_begins_anew_and_finds_its_way() -> None:
 
 
 def test_one_that_keeps_its_state_goes_on_where_it_stood() -> None:
-    """A track that takes up what another saved says the same bits from there on; counts of a killed hub go on too."""
+    """A track that takes up what another saved says the same bits, window and filter; a killed hub counts on too."""
     sensors = {"imu": ("gyroscope", "accelerometer", "magnetometer"), "eye": ("flow",), "low": ("range_centre",)}
     parameters = MheParameters(sensors, horizon=4, gyroscope_bias=True)
     one, other = Track(parameters, "A", 3), Track(parameters, "A", 9)
@@ -164,7 +164,7 @@ def test_one_that_keeps_its_state_goes_on_where_it_stood() -> None:
             values = rng.normal(size=size) * 0.1
             for track in tracks:
                 track.put(sensor, point, values)
-        return [track.estimate(point).window.state for track in tracks]
+        return [np.concatenate([pair.window.state, pair.filtered]) for pair in (t.estimate(point) for t in tracks)]
 
     for point in range(3, 12):
         feed([one], point)
