@@ -28,10 +28,11 @@ from ..transport.faults import from_plain
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
 from ..transport.media import AIR, on_air
+from .loaded_sources import loaded_sources
 from .lockstep import Lockstep
 from .node import Node
 from .pacing import Realtime
-from .plan import Plan
+from .plan_codec import decode_plan
 from .run_start import RunStart
 from .sender import Put
 
@@ -46,9 +47,9 @@ Pace = Literal["realtime", "lockstep"]
 
 @dataclass(frozen=True)
 class Assignment:
-    """What one process runs, and how it joins."""
+    """What one process runs, the plan as `plan_codec` encodes it, and how it joins."""
 
-    plan: Plan
+    plan: str
     name: str
     incarnation: int
     run: str
@@ -88,6 +89,7 @@ class _Shell:
 
     def __init__(self, assignment: Assignment) -> None:
         self._it = assignment
+        self._plan = decode_plan(assignment.plan)
         self._keys = Keys(assignment.run)
         self._control = self._keys.control(assignment.name, assignment.incarnation)
         self._node: Node | None = None
@@ -101,8 +103,8 @@ class _Shell:
         self._stopped = asyncio.Event()
         session = zs.open_client(it.endpoint, zs.Credentials(it.name, it.password))
         try:
-            me = it.plan.agent(it.name)
-            radio = {other for other in me.neighbours if on_air(it.plan.links[it.name, other].medium)}
+            me = self._plan.agent(it.name)
+            radio = {other for other in me.neighbours if on_air(self._plan.links[it.name, other].medium)}
             self._links = {
                 other: zs.publisher(session, keys.link(it.name, other))
                 for other in me.neighbours + me.wired
@@ -204,7 +206,7 @@ class _Shell:
 
     def _play(self) -> None:
         """Run the first moments, together with the coupled world where there is one, or one agent for that."""
-        plan, me = self._it.plan, self._it.plan.agent(self._it.name)
+        plan, me = self._plan, self._plan.agent(self._it.name)
         heap: list[Event] = []
         nodes: dict[str, Node] = {}
 
@@ -225,7 +227,7 @@ class _Shell:
     def _start(self, start_ns: int, faults: list[Any], saved: bytes | None, run_start: dict[str, Any]) -> bool:
         """Start this incarnation at `start_ns`, with the live faults so far and the state saved before."""
         it = self._it
-        node = Node(it.plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
+        node = Node(self._plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
         for fault in faults:
             node.arm(from_plain(fault))
         self._node = node
@@ -298,6 +300,7 @@ class _Shell:
                 "pss_kb": _pss_kb(),
                 "promises": self._pacer.promises,
                 "overflowed": self._pacer.mail.overflowed,
+                "sources": loaded_sources(),
                 "lateness_ns": _quantiles(self._pacer.lateness_ns),
             }
         )

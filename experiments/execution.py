@@ -6,16 +6,19 @@ import asyncio
 import contextlib
 import json
 import os
+import shutil
 import signal
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
 
+from ..agents.loaded_sources import loaded_sources
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
@@ -25,10 +28,12 @@ from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
 from .record.background import BackgroundSink
 from .record.evaluation_pass import evaluate_run
-from .record.machine import fingerprint, libraries
+from .record.kept_sources import keep_sources, kept_modules
+from .record.machine import fingerprint, git_state, libraries
+from .record.plan_file import write_plan
 from .record.record import Record, load
 from .record.recorder import Recorder
-from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE
+from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE, SOURCES_FOLDER
 from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace
 from .swarm.control_server import ControlServer
@@ -74,10 +79,12 @@ class Outcome:
 Watch = Callable[[Status], None]
 
 
-def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = None) -> Outcome:
+def execute(
+    plan: Plan, scenario: str, options: Options, watch: Watch | None = None, files: Sequence[Path] = ()
+) -> Outcome:
     """Run a plan to the end; `watch` is shown the status some times a second.
 
-    `scenario`: the YAML text that the plan was made from, kept for people.
+    `scenario`: the YAML text that the plan was made from, kept for people, as are the data `files` that it names.
 
     Raises:
         BadInput: the plan or an option does not fit; nothing is left behind.
@@ -88,8 +95,10 @@ def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = N
     folder = _new_folder(options, plan.name)
     (folder / SCENARIO_FILE).write_text(scenario, "utf-8")
     info = _info(plan, options)
-    _write_info(folder, {**info, "status": "running"})
     try:
+        write_plan(folder, plan, kept_modules())
+        keep_sources(folder, loaded_sources())
+        _write_info(folder, {**info, "status": "running"})
         with Recorder(folder) as recorder:
             if options.engine == "twin":
                 ending = _run_twin(plan, recorder, watch)
@@ -97,11 +106,12 @@ def execute(plan: Plan, scenario: str, options: Options, watch: Watch | None = N
                 with BackgroundSink(recorder) as sink:
                     ending = asyncio.run(_run_swarm(plan, sink, folder, options, watch))
     except BadInput:
-        _remove(folder)
+        shutil.rmtree(folder)
         raise
     except RunFailed as error:
         _write_info(folder, {**info, "status": "failed", "problems": [str(error)]})
         raise
+    keep_sources(folder, {**loaded_sources(), **ending.sources}, files)
     status = "failed" if ending.problems else "finished"
     info |= {"status": status, "problems": ending.problems, "wall_s": ending.wall_s}
     record = _evaluated(load(folder, plan, evaluated=False), folder, info)
@@ -156,7 +166,7 @@ def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[N
 
 
 async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None) -> Ending:
-    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
+    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen, folder / SOURCES_FOLDER)
     injector = Injector(swarm)
     control_server = ControlServer(swarm, injector)
     loop = asyncio.get_running_loop()
@@ -204,12 +214,6 @@ def _new_folder(options: Options, name: str) -> Path:
     raise BadInput(f"{options.runs} has a thousand runs of {stem} already")
 
 
-def _remove(folder: Path) -> None:
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-
-
 def _info(plan: Plan, options: Options) -> dict[str, Any]:
     """What the bits of a run depend on besides the scenario."""
     return {
@@ -218,6 +222,8 @@ def _info(plan: Plan, options: Options) -> dict[str, Any]:
         "speed": options.speed,
         "started": datetime.now().astimezone().isoformat(timespec="seconds"),
         "pid": os.getpid(),
+        "command": sys.argv,
+        "git": git_state(Path.cwd()),
         **fingerprint(),
         "libraries": libraries(plan),
     }

@@ -86,7 +86,7 @@ def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[s
     for note in read.notes:
         warnings.warn(note, stacklevel=3)
     validate_plan(read.plan, read.scenario.overload)
-    outcome = execute(read.plan, resolved_yaml(read.scenario), options)
+    outcome = execute(read.plan, resolved_yaml(read.scenario), options, files=read.files)
     return Run(outcome.folder, outcome.record)
 
 

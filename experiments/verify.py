@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from ..agents.journal import LAST_HEARD, MISSED, Batch
 from ..topologies import natural_key
 from .record.machine import differences, libraries
+from .record.plan_file import read_plan
 from .record.record import Collector, Life, Record, load
 from .twin import LastHeard, Twin
 
@@ -55,7 +56,7 @@ def verify(folder: Path) -> Verdict:
     Raises:
         BadInput: no run there, or a damaged record.
     """
-    record = load(folder, evaluated=False)
+    record = load(folder, read_plan(folder), evaluated=False)
     elsewhere = differences(record.info, record.plan)
     replayed = replay(record)
     departures = sorted(compare(record, replayed, 0.0 if not elsewhere else _TOLERANCE), key=itemgetter(slice(2)))

@@ -13,11 +13,11 @@ from ..analysis.export import FORMATS, write
 from ..analysis.metric_tables import metrics_tables
 from ..analysis.metrics import write_metrics
 from ..figures.run_figures import FIGURES, draw
+from ..fresh_replay import verify_afresh
 from ..record.mcap_file import recover
 from ..record.record import load
 from ..record.run_files import FIGURES_FOLDER
 from ..sweeps.sweep_figures import SWEEP_FIGURES
-from ..verify import verify
 from .common_options import RUNS, RunName, RunsFolder
 from .diagram import NO_DIAGRAM, Diagram
 from .folders import find_sweep, finished_run
@@ -120,7 +120,7 @@ def verify_run(run: RunName, /, *, runs: RunsFolder = RUNS) -> int:
 
     The exit code is 3 if the run is not certified.
     """
-    verdict = verify(finished_run(run, runs))
+    verdict = verify_afresh(finished_run(run, runs))
     for line in verdict.lines:
         print_plain(line)
     return verdict.exit_code

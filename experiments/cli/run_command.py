@@ -77,7 +77,7 @@ def run(
 def _watched(read: LoadedScenario, options: Options) -> Outcome:
     text = resolved_yaml(read.scenario)
     with Progress(output(), read.plan.name) as progress:
-        return execute(read.plan, text, options, lambda status: progress.show(status.to_dict()))
+        return execute(read.plan, text, options, lambda status: progress.show(status.to_dict()), read.files)
 
 
 def _print_metrics(metrics: Metrics) -> None:

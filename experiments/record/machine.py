@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import platform
+import subprocess
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from ...agents.plan import Plan
 from ...agents.registry import find
+
+_GIT_S = 5.0
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
@@ -34,6 +38,20 @@ def fingerprint() -> dict[str, Any]:
         "blas": sorted(blas, key=str),
         "simd": sorted(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
     }
+
+
+def git_state(folder: Path) -> dict[str, Any] | None:
+    """Commit of the git repository that a folder is in, and whether files differ from it; None where there is none."""
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(folder), *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=_GIT_S)  # noqa: S603
+        return done.stdout.strip()
+
+    try:
+        return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
+    except (OSError, subprocess.SubprocessError):
+        return None
 
 
 def libraries(plan: Plan) -> dict[str, str]:

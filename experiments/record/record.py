@@ -21,8 +21,9 @@ from ..evaluation.evaluation import Series
 from ..evaluation.evaluation_result import EvaluationResult, load_evaluation
 from .encoding import row_from_json, untag, vector_from_json
 from .mcap_file import Entry, read
+from .plan_file import read_plan
 from .recorder import ESTIMATES, EVENTS, FACTS, FRAMES, RUN_EVENTS
-from .run_files import EVALUATION_FILE, EVALUATION_PROBLEM, INFO_FILE, SCENARIO_FILE
+from .run_files import EVALUATION_FILE, EVALUATION_PROBLEM, INFO_FILE
 
 INJECTED = "injected"
 """The cause of a death that a fault brought about."""
@@ -234,15 +235,13 @@ def load(folder: Path, plan: Plan | None = None, *, evaluated: bool = True) -> R
 
     Args:
         folder: of the run.
-        plan: where it is at hand, so that it need not be read.
+        plan: where it is at hand; else that of the folder is read, and users' classes in it are not imported.
         evaluated: whether to read the evaluation too.
 
     Raises:
         BadInput: no run there, or a damaged file; the message says how to get at what is there.
     """
-    from ..scenario.load import load_scenario
-
-    plan = load_scenario(folder / SCENARIO_FILE).plan if plan is None else plan
+    plan = read_plan(folder, only_read=True) if plan is None else plan
     collector, recovered = collect(folder)
     record = collector.record(plan, _info(folder), recovered=recovered)
     return replace(record, evaluation=load_evaluation(folder / EVALUATION_FILE)) if evaluated else record

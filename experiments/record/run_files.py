@@ -1,6 +1,9 @@
 """Names of the files in a run's folder."""
 
 SCENARIO_FILE = "scenario.yaml"
+PLAN_FILE = "plan.json"
+SOURCES_FOLDER = "sources"
+MANIFEST_FILE = "sources.json"
 INFO_FILE = "run.json"
 RECORD_FILE = "record.mcap"
 EVALUATION_FILE = "evaluation.npz"

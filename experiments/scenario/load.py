@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -35,11 +35,15 @@ __all__ = [
 
 @dataclass(frozen=True)
 class LoadedScenario:
-    """A scenario that was read, and its plan. `notes`: what of the file is not in the plan, a sentence each."""
+    """A scenario that was read, and its plan.
+
+    `notes`: what of the file is not in the plan, a sentence each. `files`: graphs and traces that it names.
+    """
 
     scenario: Scenario
     plan: Plan
     notes: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedScenario:
@@ -58,9 +62,9 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)
     overridden = any(path[:2] in {("topology",), ("topology", "file")} for path in document.overrides)
-    _anchor_all(document.data.get("topology"), Path.cwd() if overridden else folder)
+    files = _anchor_all(document.data.get("topology"), Path.cwd() if overridden else folder)
     for field in ("links", "faults"):
-        anchor(
+        files += anchor(
             document.data.get(field), lambda place: Path.cwd() if document.is_overridden(place) else folder, (field,)
         )
     try:
@@ -82,7 +86,8 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
         problems += [Problem(("faults", index, field), f"{text}: start it earlier") for index, field, text in late]
     if plan is None or problems:
         raise document.error(problems)
-    return LoadedScenario(scenario, plan, tuple(f"faults.{index} is left out: {text}" for index, _, text in late))
+    notes = tuple(f"faults.{index} is left out: {text}" for index, _, text in late)
+    return LoadedScenario(scenario, plan, notes, tuple(dict.fromkeys(files)))
 
 
 def _reach(*folders: Path) -> None:
@@ -90,16 +95,19 @@ def _reach(*folders: Path) -> None:
     sys.path.extend(place for place in map(str, folders) if place not in sys.path)
 
 
-def _anchor_all(topology: Any, folder: Path) -> None:
-    """Anchor the graph, or every graph of a schedule."""
+def _anchor_all(topology: Any, folder: Path) -> list[Path]:
+    """Anchor the graph, or every graph of a schedule; the paths."""
     schedule = topology.get("schedule") if isinstance(topology, dict) else None
-    for graph in schedule if isinstance(schedule, list) else [topology]:
-        _anchor(graph, folder)
+    return [
+        path for graph in (schedule if isinstance(schedule, list) else [topology]) for path in _anchor(graph, folder)
+    ]
 
 
-def _anchor(topology: Any, folder: Path) -> None:
+def _anchor(topology: Any, folder: Path) -> Iterator[Path]:
     """Make the path of a graph's file absolute, so that the scenario means the same wherever it is read."""
     if isinstance(topology, dict):
         place, key = (topology["file"], "path") if isinstance(topology.get("file"), dict) else (topology, "file")
         if isinstance(place.get(key), str):
-            place[key] = str(folder / Path(place[key]).expanduser())
+            path = folder / Path(place[key]).expanduser()
+            place[key] = str(path)
+            yield path

@@ -156,20 +156,25 @@ def _probability(place: str, text: str) -> float:
     return value
 
 
-def anchor(node: Any, folder: Callable[[tuple[str, ...]], Path], place: tuple[str, ...] = ()) -> None:
+def anchor(node: Any, folder: Callable[[tuple[str, ...]], Path], place: tuple[str, ...] = ()) -> list[Path]:
     """Make the paths of trace files in plain data absolute, so that they mean the same wherever they are read.
 
     Args:
         node: a mapping or list, changed where it names a file.
         folder: from the place of a path to the folder that it is relative to.
         place: where the node stands.
+    Returns:
+        The paths.
     """
+    files: list[Path] = []
     for key, child in _children(node):
         below = (*place, str(key))
         if isinstance(child, str) and (key == _TRACE or (key == _FILE and place[-1:] == (_TRACE,))):
-            node[key] = str(folder(below) / Path(child).expanduser())
+            files.append(folder(below) / Path(child).expanduser())
+            node[key] = str(files[-1])
         else:
-            anchor(child, folder, below)
+            files += anchor(child, folder, below)
+    return files
 
 
 def _children(node: Any) -> Iterator[tuple[Any, Any]]:

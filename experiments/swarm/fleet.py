@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import sys
 import time
 from collections.abc import Coroutine, Mapping
+from pathlib import Path
 from typing import Any
 
 import msgpack
 
 from ...agents.plan import Plan
+from ...agents.plan_codec import encode_plan
 from ...agents.process import Assignment, Pace
 from ...errors import RunFailed
 from ...transport import zenoh_session as zs
 from ...transport.faults import Fault, Kill, to_plain
 from ...transport.keys import CONTROL_CLIENT, Keys
+from ..record.kept_sources import kept_modules
 from ..record.record import INJECTED
 from ..twin import RecordSink
 from .members import Member, joined_or_ended
@@ -35,6 +39,7 @@ class Fleet:
         run: name of the run in the keys.
         pace: realtime or lockstep.
         speed: nominal seconds per wall second, in realtime pace.
+        sources: folder in which agents find kept modules that are nowhere else.
 
     Whoever arms a live fault or starts an incarnation holds `intervening` meanwhile: a new incarnation knows every
     fault that was armed before it, and is told of every later one. `ready`: all agents have been started. `over`: all
@@ -42,8 +47,11 @@ class Fleet:
     to return, as long as no process stands by for it.
     """
 
-    def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float) -> None:
+    def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float, sources: Path | None) -> None:
         self.plan, self.pace, self.speed = plan, pace, speed
+        self.loaded_sources: dict[str, str] = {}
+        self._encoded_plan = encode_plan(plan, {} if sources is None else kept_modules())
+        self._path = [*sys.path, *([] if sources is None else [str(sources.absolute())])]
         self.status = Status(plan)
         self.sink = WatchedSink(sink, self.status)
         self.keys = Keys(run)
@@ -71,9 +79,16 @@ class Fleet:
     def spawn(self, name: str, incarnation: int) -> Member:
         """Start a process for an incarnation of an agent."""
         assignment = Assignment(
-            self.plan, name, incarnation, self.keys.run, self.endpoint, self.passwords[name], self.pace, self.speed
+            self._encoded_plan,
+            name,
+            incarnation,
+            self.keys.run,
+            self.endpoint,
+            self.passwords[name],
+            self.pace,
+            self.speed,
         )
-        member = Member(spawn(assignment))
+        member = Member(spawn(assignment, self._path))
         self.members[name, incarnation] = member
         self.loop.add_reader(member.process.sentinel, self._process_ended, name, incarnation)
         return member

@@ -33,11 +33,11 @@ def prepare() -> None:
     multiprocessing.get_context("forkserver").set_forkserver_preload(_PRELOAD)
 
 
-def spawn(assignment: Assignment) -> ForkServerProcess:
-    """Start a process for one agent."""
+def spawn(assignment: Assignment, path: list[str]) -> ForkServerProcess:
+    """Start a process for one agent, which finds modules on `path`."""
     context = multiprocessing.get_context("forkserver")
     name = f"volery-{assignment.run}-{assignment.name}-{assignment.incarnation}"
-    process = context.Process(target=main, args=(assignment, list(sys.path)), name=name, daemon=True)
+    process = context.Process(target=main, args=(assignment, path), name=name, daemon=True)
     with _plain_main():
         process.start()
     return process

@@ -9,7 +9,8 @@ import asyncio
 import contextlib
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +38,14 @@ _TELEMETRY_LIMIT = 1_000_000
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: what went wrong, if anything, and how long its nominal time took by the clock."""
+    """How a run ended: what went wrong, if anything, and how long its nominal time took by the clock.
+
+    `sources`: name → file of the users' modules that agents had loaded in processes of their own.
+    """
 
     problems: tuple[str, ...]
     wall_s: float
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 class Swarm(Fleet):
@@ -58,8 +63,9 @@ class Swarm(Fleet):
         pace: Pace = "realtime",
         speed: float = 1.0,
         listen: str = "tcp/127.0.0.1:0",
+        sources: Path | None = None,
     ) -> None:
-        super().__init__(plan, sink, run, pace, speed)
+        super().__init__(plan, sink, run, pace, speed, sources)
         self.restarts = Restarts(self)
         self._listen = listen
         self._news = asyncio.Event()
@@ -98,7 +104,7 @@ class Swarm(Fleet):
             await asyncio.gather(*self.tasks, return_exceptions=True)
             await self._end_processes(told=told)
             await asyncio.to_thread(self.session.close)
-        return Ending(tuple(self.problems), wall_ns / 1e9)
+        return Ending(tuple(self.problems), wall_ns / 1e9, self.loaded_sources)
 
     # -- start and stop -----------------------------------------------------------------------------------------
 
@@ -153,6 +159,7 @@ class Swarm(Fleet):
         for event in batch.events:
             if event["event"] == "done":
                 member.done = True
+                self.loaded_sources.update(event.pop("sources"))
             elif event["event"] == "killed":
                 member.killed.set()
             elif event["event"] == "state":

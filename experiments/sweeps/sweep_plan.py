@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...agents.plan import Plan
+from ...agents.plan_codec import encode_plan
 from ...agents.registry import find
 from ...errors import BadInput, RunFailed
 from ...transport.faults import LinkFault
@@ -69,12 +70,12 @@ Done = Callable[[int, int], bool]
 
 
 class Job(NamedTuple):
-    """One run: which cell and repetition, and all that a worker needs for it."""
+    """One run: which cell and repetition, its plan as `plan_codec` encodes it, and all else that a worker needs."""
 
     cell: int
     repeat: int
     seed: int
-    plan: Plan
+    plan: str
     scenario: str
     engine: Engine
     paths: tuple[str, ...]
@@ -143,7 +144,8 @@ class SweepPlan:
                 read = _seeded(one, seed)
             except BadInput as error:
                 raise RunFailed(f"cell {index}, seed {seed}: {error}") from error
-            yield Job(index, number, seed, read.plan, resolved_yaml(read.scenario), self.engine, tuple(paths), place)
+            plan, text = encode_plan(read.plan), resolved_yaml(read.scenario)
+            yield Job(index, number, seed, plan, text, self.engine, tuple(paths), place)
 
 
 def plan_sweep(

@@ -14,6 +14,7 @@ links.…                     delivered_fraction of what was put on the air; byt
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 import subprocess
@@ -25,11 +26,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import RunFailed
+from ...agents.plan_codec import decode_plan
+from ...errors import RunFailed, VoleryError
 from ...transport.links import ACCESS, COLLISION, HALF_DUPLEX
 from ...transport.media import on_air
 from ..analysis.metrics import ErrorMetrics, Metrics, QuantityMetrics, compute_metrics
-from ..execution import Options, execute
+from ..execution import Options, Outcome, execute
 from ..record.record import Record, load
 from ..twin import recorded
 from .sweep_plan import Job
@@ -64,30 +66,30 @@ def measure(record: Record) -> Values:
 
 
 def _record(job: Job) -> Record:
-    if job.engine == "zenoh":
-        return _over_zenoh(job)
-    if job.keep is not None:
-        folder = Path(job.keep)
-        shutil.rmtree(folder, ignore_errors=True)
-        options = Options("twin", runs=folder.parent, name=folder.name, figures=False)
-        return execute(job.plan, job.scenario, options).record
-    return recorded(job.plan)
-
-
-def _over_zenoh(job: Job) -> Record:
-    """The run in lockstep pace, by a supervisor of its own, as workers of some pools may start no processes by fork."""
+    if job.engine == "twin" and job.keep is None:
+        return recorded(decode_plan(job.plan))
     with tempfile.TemporaryDirectory(prefix="volery-") as private:
-        source = Path(private) / "cell.yaml"
-        source.write_text(job.scenario, "utf-8")
         folder = Path(private) / "run" if job.keep is None else Path(job.keep)
         shutil.rmtree(folder, ignore_errors=True)
-        words = ["run", str(source), "--engine", "zenoh", "--pace", "lockstep", "--no-figures"]
-        words += ["--runs", str(folder.parent), "--name", folder.name]
-        command = [sys.executable, "-m", __package__.partition(".")[0], *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own command line
-        if done.returncode:
-            raise RunFailed(done.stderr.strip() or done.stdout.strip())
+        if job.engine == "twin":
+            return _execute(job, folder).record
+        _over_zenoh(job, folder)
         return load(folder)
+
+
+def _execute(job: Job, folder: Path) -> Outcome:
+    """The run in its folder; over Zenoh in lockstep pace."""
+    options = Options(job.engine, "lockstep", runs=folder.parent, name=folder.name, figures=False)
+    return execute(decode_plan(job.plan), job.scenario, options)
+
+
+def _over_zenoh(job: Job, folder: Path) -> None:
+    """The run by a supervisor in a process of its own, as workers of some pools may start no processes by fork."""
+    command = [sys.executable, "-m", __spec__.name, str(folder)]
+    told = json.dumps(job._asdict())
+    done = subprocess.run(command, input=told, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    if done.returncode:
+        raise RunFailed(done.stderr.strip())
 
 
 def _of_quantities(metrics: Metrics) -> Iterator[tuple[str, float]]:
@@ -132,3 +134,19 @@ def _bytes(record: Record) -> int:
             number = 0 if shared else frame.sequence
             sent[agent, incarnation, "" if shared else frame.target, frame.start_ns, number] = frame.size
     return sum(sent.values())
+
+
+def _main(folder: Path) -> None:
+    """Carry out the job on the standard input."""
+    job = Job(**json.load(sys.stdin))
+    sys.path.extend(path for path in job.paths if path not in sys.path)
+    try:
+        problems = _execute(job, folder).problems
+    except VoleryError as error:
+        problems = (str(error),)
+    if problems:
+        sys.exit("\n".join(problems))
+
+
+if __name__ == "__main__":
+    _main(Path(sys.argv[1]))

@@ -169,8 +169,8 @@ def test_verify_certifies_a_run_of_the_twin(volery: Volery, own_run: Path) -> No
 
 def test_verify_ends_with_3_where_the_run_departs(volery: Volery, own_run: Path) -> None:
     """Replayed with another seed than it was recorded with, a run is not certified."""
-    scenario = own_run / "scenario.yaml"
-    scenario.write_text(scenario.read_text("utf-8").replace("seed: 3", "seed: 4"), "utf-8")
+    plan = own_run / "plan.json"
+    plan.write_text(plan.read_text("utf-8").replace('"seed": 3', '"seed": 4'), "utf-8")
     said = volery("verify", "last")
     assert said.code == 3
     assert said.out.startswith("not certified: ")

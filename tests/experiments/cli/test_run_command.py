@@ -37,7 +37,8 @@ def test_run_ends_with_metrics_verdict_and_folder(volery: Volery) -> None:
     assert "as asked: no late frame" in said.out
     assert lines[-1].split() == ["run", "runs/mine"]
     assert {path.name for path in Path("runs/mine").iterdir()} == {
-        *("scenario.yaml", "record.mcap", "evaluation.npz", "metrics.json", "run.json")
+        *("scenario.yaml", "plan.json", "record.mcap", "evaluation.npz", "metrics.json", "run.json", "sources.json"),
+        "sources",
     }
 
 
@@ -153,6 +154,20 @@ def test_a_run_is_read_compiled_and_loaded_once(volery: Volery, monkeypatch: pyt
     counted(mcap_record, "collect")
     assert volery("run", "short.yaml", "--engine", "twin").code == 0
     assert counts == {"read_document": 1, "attempt": 1, "collect": 1}
+
+
+def test_data_files_that_a_scenario_names_are_kept(volery: Volery) -> None:
+    """Traces and graphs, with their hashes; the plan has what is in them."""
+    Path("loss.csv").write_text("time_s,loss\n0,0.25\n", "utf-8")
+    Path("graph.edges").write_text("1 2\n2 3\n", "utf-8")
+    changes = ["topology={file: graph.edges}", "links.loss={trace: loss.csv}", "world=null", "faults=[]"]
+    changes.append("agents={kind: beacon}")
+    said = volery("run", "short.yaml", *TWIN, "--name", "mine", *(word for one in changes for word in ("--set", one)))
+    assert said.code == 0, said.error
+    kept = json.loads(Path("runs/mine/sources.json").read_text("utf-8"))
+    here = Path.cwd().resolve()
+    assert {f"data{here}/loss.csv", f"data{here}/graph.edges"} <= kept.keys()
+    assert Path(f"runs/mine/sources/data{here}/loss.csv").read_bytes() == Path("loss.csv").read_bytes()
 
 
 def test_faults_beyond_a_shorter_duration_are_left_out_with_a_note(volery: Volery) -> None:

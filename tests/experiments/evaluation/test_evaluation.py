@@ -19,10 +19,10 @@ from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.evaluation.evaluation import Evaluation, Series, View, evaluation_class
 from volery.experiments.evaluation.evaluation_result import EvaluationResult, load_evaluation, save_evaluation
 from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
+from volery.experiments.record.plan_file import write_plan
 from volery.experiments.record.record import Record, load
 from volery.experiments.record.recorder import Recorder
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.scenario.schema import resolved_yaml
 from volery.experiments.twin import Twin, recorded
 from volery.transport.faults import ClockFault, Kill, Pause, SensorFault
 from volery.worlds.moving.motions import MovingWorld, Paths
@@ -249,7 +249,7 @@ def test_a_damaged_evaluation_is_named(tmp_path: Path) -> None:
 def folder(tmp_path: Path) -> Path:
     """A second of the four-module array in the twin, evaluated."""
     loaded = load_scenario("dfa4", ["duration=1 s"])
-    (tmp_path / "scenario.yaml").write_text(resolved_yaml(loaded.scenario), "utf-8")
+    write_plan(tmp_path, loaded.plan)
     with Recorder(tmp_path) as recorder:
         Twin(loaded.plan, recorder).run()
     evaluate_run(load(tmp_path, loaded.plan, evaluated=False), tmp_path)
@@ -257,12 +257,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_run_is_judged_by_what_was_true_when_it_ran(folder: Path) -> None:
-    """Another altitude written into its scenario afterwards changes none of its errors."""
+    """Another altitude written into its plan afterwards changes none of its errors."""
     before = compute_metrics(load(folder)).quantities["estimate"]
-    scenario = folder / "scenario.yaml"
-    text = scenario.read_text("utf-8")
-    assert "10 cm" in text
-    scenario.write_text(text.replace("10 cm", "40 cm"), "utf-8")
+    plan = folder / "plan.json"
+    text = plan.read_text("utf-8")
+    levels = '"levels": {"$tuple": [0.1, 0.2]}'
+    assert levels in text
+    plan.write_text(text.replace(levels, levels.replace("0.1", "0.4")), "utf-8")
     assert compute_metrics(load(folder)).quantities["estimate"] == before
 
 

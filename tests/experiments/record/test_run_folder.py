@@ -14,10 +14,10 @@ from volery.experiments.analysis.metrics import write_metrics
 from volery.experiments.figures.run_figures import draw
 from volery.experiments.figures.space_time import plot_space_time
 from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
+from volery.experiments.record.plan_file import write_plan
 from volery.experiments.record.record import Collector, load
 from volery.experiments.record.recorder import Recorder
 from volery.experiments.scenario.load import load_scenario
-from volery.experiments.scenario.schema import resolved_yaml
 from volery.experiments.twin import Twin
 
 
@@ -25,7 +25,7 @@ from volery.experiments.twin import Twin
 def folder(tmp_path: Path) -> Path:
     """Two seconds of the four-module array in the twin, with the folder that a run makes."""
     loaded = load_scenario("dfa4", ["duration=2 s"])
-    (tmp_path / "scenario.yaml").write_text(resolved_yaml(loaded.scenario), "utf-8")
+    write_plan(tmp_path, loaded.plan)
     (tmp_path / "run.json").write_text('{"engine": "twin"}', "utf-8")
     with Recorder(tmp_path) as recorder:
         Twin(loaded.plan, recorder).run()
@@ -34,7 +34,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_run_reads_back_as_it_was(folder: Path) -> None:
-    """The plan from the scenario, every entry from the record, and what the engine says of itself."""
+    """The plan, every entry from the record, and what the engine says of itself."""
     plan = load_scenario("dfa4", ["duration=2 s"]).plan
     collector = Collector()
     Twin(plan, collector).run()

@@ -1,0 +1,268 @@
+"""Plans as plain, versioned JSON and back, exactly: what a run's folder keeps and what processes are handed.
+
+Numbers and texts stand as they are, floats by their shortest exact text. What JSON lacks is an object with a key that
+begins with "$":
+
+    {"$float": "nan"}                    nan, inf, -inf, or the 16 hexadecimal digits of another NaN
+    {"$tuple": […]}  {"$set": […]}       {"$frozenset": […]}
+    {"$dict": [[key, value], …]}         a mapping whose keys are no texts, or texts that begin with "$"
+    {"$array": "<f8", "shape": […], "data": "base64"}   "file" instead of "data" for large ones, "order": "F" if so
+    {"$number": "<f8", "data": "base64"} a NumPy scalar; {"$bytes": "base64"}
+    {"$is": "module:Class", "field": …}  a frozen dataclass or a named tuple by its fields; {"$enum": "module:Class", …}
+    {"$same": 3}                         the object that has "$id": 3
+
+Code is named and never carried. Whoever only reads a plan imports nothing of the users': see `Opaque`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import struct
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from importlib import import_module
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ..errors import BadInput
+from .plan import Plan
+
+FORMAT, VERSION = "volery plan", 1
+LARGE_BYTES = 65_536
+"""Arrays of more bytes are kept in files of their own, where there is a place for them."""
+_PLAIN_KINDS = "biufcSU"
+_OWN = __package__.partition(".")[0]
+_CODE = re.compile(r"([A-Za-z_][\w.]*):([A-Za-z_][\w.]*)")
+_CANONICAL_NAN = struct.pack(">d", math.nan)
+
+Store = Callable[[bytes], str]
+"""Keeps the bytes of a large array, and tells the name under which they are found again."""
+Fetch = Callable[[str], bytes]
+
+
+@dataclass(frozen=True)
+class Opaque:
+    """A value of a user's class, for readers that import no user's module: the class's name, and the fields."""
+
+    name: str
+    fields: Mapping[str, Any]
+
+
+def encode_plan(plan: Plan, modules: Mapping[str, str] | None = None, store: Store | None = None) -> str:
+    """The JSON text of a plan.
+
+    Args:
+        plan: what to encode.
+        modules: module → the name under which it is found where the plan is read, such as that of a kept source.
+        store: for large arrays; without it they stand in the text.
+    Raises:
+        BadInput: a value that has no encoding; the message names the field.
+    """
+    encoded = _Encoder(modules or {}, store).value(plan, "plan")
+    return json.dumps({"format": FORMAT, "version": VERSION, "plan": encoded}, allow_nan=False)
+
+
+def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = False) -> Plan:
+    """The plan of a JSON text, equal to the one that was encoded.
+
+    Args:
+        text: from `encode_plan`.
+        fetch: gives the bytes of large arrays by their names.
+        only_read: import nothing outside volery; values of users' classes are `Opaque`.
+    Raises:
+        BadInput: no such text, another version, or a class that is not there.
+    """
+    try:
+        document = json.loads(text)
+    except ValueError as error:
+        raise BadInput(f"not a plan: {error}") from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise BadInput(f'not a plan: it does not say "format": "{FORMAT}"')
+    if document["version"] != VERSION:
+        raise BadInput(f"a plan of version {document['version']}, and this volery reads version {VERSION}")
+    plan = _Decoder(fetch, only_read=only_read).value(document["plan"])
+    if not isinstance(plan, Plan):
+        raise BadInput(f"not a plan but {type(plan).__name__}")
+    return plan
+
+
+class _Encoder:
+    """One encoding. Objects that stand in several places are written once."""
+
+    def __init__(self, modules: Mapping[str, str], store: Store | None) -> None:
+        self._modules = modules
+        self._store = store
+        self._seen: dict[int, tuple[dict[str, Any], object]] = {}
+        self._writers: dict[type, Callable[[Any, str], Any]] = {
+            str: self._text,
+            float: lambda value, _path: value if math.isfinite(value) else {"$float": _special(value)},
+            bytes: lambda value, _path: {"$bytes": b64encode(value).decode()},
+            list: self._items,
+            tuple: lambda value, path: {"$tuple": self._items(value, path)},
+            set: lambda value, path: {"$set": sorted(self._items(value, path), key=json.dumps)},
+            frozenset: lambda value, path: {"$frozenset": sorted(self._items(value, path), key=json.dumps)},
+            dict: self._mapping,
+            np.ndarray: self._array,
+        }
+
+    def value(self, value: Any, path: str) -> Any:
+        if value is None or type(value) in (bool, int):
+            return value
+        return self._writers.get(type(value), self._other)(value, path)
+
+    def _other(self, value: Any, path: str) -> Any:
+        if isinstance(value, np.generic):
+            return {"$number": _number_kind(value.dtype, path), "data": b64encode(value.tobytes()).decode()}
+        if isinstance(value, Enum):
+            return {"$enum": self._name(type(value), path), "name": value.name}
+        return self._object(value, path)
+
+    def _text(self, text: str, _path: str) -> str:
+        """A text; where it names code in a module that is found under another name, under that."""
+        match = _CODE.fullmatch(text)
+        return f"{self._modules[match[1]]}:{match[2]}" if match and match[1] in self._modules else text
+
+    def _items(self, values: Any, path: str) -> list[Any]:
+        return [self.value(item, f"{path}.{index}") for index, item in enumerate(values)]
+
+    def _mapping(self, mapping: dict[Any, Any], path: str) -> dict[str, Any]:
+        if all(type(key) is str and not key.startswith("$") for key in mapping):
+            return {key: self.value(item, f"{path}.{key}") for key, item in mapping.items()}
+        pairs = mapping.items()
+        return {"$dict": [[self.value(key, f"{path}.{key}"), self.value(item, f"{path}.{key}")] for key, item in pairs]}
+
+    def _array(self, value: Any, path: str) -> dict[str, Any]:
+        by_columns = value.flags.f_contiguous and not value.flags.c_contiguous
+        data = value.tobytes("F" if by_columns else "C")
+        large = self._store is not None and len(data) > LARGE_BYTES
+        return {
+            "$array": _number_kind(value.dtype, path),
+            "shape": list(value.shape),
+            **({"order": "F"} if by_columns else {}),
+            **({"file": self._store(data)} if self._store and large else {"data": b64encode(data).decode()}),
+        }
+
+    def _object(self, value: Any, path: str) -> dict[str, Any]:
+        """A frozen dataclass or a named tuple, or where it was met before."""
+        if id(value) in self._seen:
+            first, _ = self._seen[id(value)]
+            return {"$same": first.setdefault("$id", len(self._seen))}
+        names = _fields(value, path)
+        encoded: dict[str, Any] = {"$is": self._name(type(value), path)}
+        encoded.update({name: self.value(getattr(value, name), f"{path}.{name}") for name in names})
+        encoded["$id"] = len(self._seen)
+        self._seen[id(value)] = encoded, value
+        return encoded
+
+    def _name(self, kind: type, path: str) -> str:
+        if "<locals>" in kind.__qualname__:
+            _refuse(path, f"{kind.__qualname__} is defined in a function, where no other process finds it")
+        return f"{self._modules.get(kind.__module__, kind.__module__)}:{kind.__qualname__}"
+
+
+def _number_kind(kind: np.dtype[Any], path: str) -> str:
+    if kind.kind not in _PLAIN_KINDS:
+        _refuse(path, f"an array of {kind} has no encoding: use numbers")
+    return kind.str
+
+
+def _fields(value: Any, path: str) -> tuple[str, ...]:
+    """The names of the fields that are the state of an object."""
+    kind = type(value)
+    if isinstance(value, tuple) and hasattr(kind, "_fields"):
+        names: tuple[str, ...] = kind._fields
+        return names
+    if not is_dataclass(kind):
+        _refuse(path, f"{value!r} of class {kind.__qualname__} has no encoding: make it a frozen dataclass")
+    if not getattr(kind, "__dataclass_params__").frozen:  # noqa: B009 - unknown to type checkers
+        _refuse(path, f"{kind.__qualname__} is a dataclass that can change: write @dataclass(frozen=True)")
+    return tuple(each.name for each in fields(kind) if each.init)
+
+
+def _refuse(path: str, what: str) -> NoReturn:
+    raise BadInput(f"{path}: {what}")
+
+
+def _special(value: float) -> str:
+    bits = struct.pack(">d", value)
+    return repr(value) if math.isinf(value) or bits == _CANONICAL_NAN else bits.hex()
+
+
+def _special_float(text: str) -> float:
+    bits = bytes.fromhex(text) if len(text) == len(_CANONICAL_NAN.hex()) else None
+    return float(text) if bits is None else struct.unpack(">d", bits)[0]
+
+
+class _Decoder:
+    """One decoding."""
+
+    def __init__(self, fetch: Fetch | None, *, only_read: bool) -> None:
+        self._fetch = fetch
+        self._only_read = only_read
+        self._seen: dict[int, Any] = {}
+        self._readers: dict[str, Callable[[dict[str, Any]], Any]] = {
+            "$is": self._object,
+            "$same": lambda encoded: self._seen[encoded["$same"]],
+            "$enum": self._enum,
+            "$float": lambda encoded: _special_float(encoded["$float"]),
+            "$bytes": lambda encoded: b64decode(encoded["$bytes"]),
+            "$tuple": lambda encoded: tuple(self.value(encoded["$tuple"])),
+            "$set": lambda encoded: set(self.value(encoded["$set"])),
+            "$frozenset": lambda encoded: frozenset(self.value(encoded["$frozenset"])),
+            "$dict": lambda encoded: dict(map(self.value, encoded["$dict"])),
+            "$number": lambda encoded: np.frombuffer(b64decode(encoded["data"]), np.dtype(encoded["$number"]))[0],
+            "$array": self._array,
+        }
+
+    def value(self, encoded: Any) -> Any:
+        if isinstance(encoded, list):
+            return [self.value(item) for item in encoded]
+        if not isinstance(encoded, dict):
+            return encoded
+        tag = next(iter(encoded), "")
+        if tag.startswith("$"):
+            return self._readers[tag](encoded)
+        return {key: self.value(item) for key, item in encoded.items()}
+
+    def _enum(self, encoded: dict[str, Any]) -> Any:
+        found = self._class(encoded["$enum"])
+        return Opaque(encoded["$enum"], {"name": encoded["name"]}) if found is None else found[encoded["name"]]
+
+    def _array(self, encoded: dict[str, Any]) -> Any:
+        if "file" in encoded:
+            if self._fetch is None:
+                raise BadInput(f"{encoded['file']}, which the plan names, is not at hand")
+            data = self._fetch(encoded["file"])
+        else:
+            data = b64decode(encoded["data"])
+        flat = np.frombuffer(data, np.dtype(encoded["$array"]))
+        return flat.reshape(encoded["shape"], order=encoded.get("order", "C")).copy("K")
+
+    def _object(self, encoded: dict[str, Any]) -> Any:
+        name = encoded["$is"]
+        values = {key: self.value(item) for key, item in encoded.items() if not key.startswith("$")}
+        found = self._class(name)
+        try:
+            made = Opaque(name, values) if found is None else found(**values)
+        except TypeError as error:
+            raise BadInput(f"{name} is another class than that of the plan: {error}") from error
+        self._seen[encoded["$id"]] = made
+        return made
+
+    def _class(self, name: str) -> Any:
+        """The class of a name; None for a user's class where plans are only read."""
+        module, _, path = name.partition(":")
+        if self._only_read and module.partition(".")[0] != _OWN:
+            return None
+        try:
+            found: Any = import_module(module)
+            for part in path.split("."):
+                found = getattr(found, part)
+        except (ImportError, AttributeError) as error:
+            raise BadInput(f"{name}, which the plan names, cannot be loaded: {error}") from error
+        return found
