@@ -1,4 +1,4 @@
-"""A plan: a scenario resolved to plain data, all that an engine needs. It can be pickled and needs no parser."""
+"""A plan: a scenario resolved to plain data, all that an engine needs. `plan_codec` encodes it."""
 
 from __future__ import annotations
 

@@ -91,6 +91,24 @@ def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = Fals
     return plan
 
 
+def encode_value(value: Any) -> Any:
+    """A value as it stands in a plan, such as a live fault: plain values for JSON and MessagePack.
+
+    Raises:
+        BadInput: it has no encoding.
+    """
+    return _Encoder({}, None).value(value, "value")
+
+
+def decode_value(encoded: Any, *, only_read: bool = False) -> Any:
+    """The value that `encode_value` was given; `only_read` as in `decode_plan`.
+
+    Raises:
+        BadInput: a class that is not there.
+    """
+    return _Decoder(None, only_read=only_read).value(encoded)
+
+
 class _Encoder:
     """One encoding. Objects that stand in several places are written once."""
 
@@ -265,4 +283,6 @@ class _Decoder:
                 found = getattr(found, part)
         except (ImportError, AttributeError) as error:
             raise BadInput(f"{name}, which the plan names, cannot be loaded: {error}") from error
+        if not (is_dataclass(found) or (isinstance(found, type) and issubclass(found, tuple | Enum))):
+            raise BadInput(f"{name}, which the plan names, is no dataclass, named tuple or enumeration")
         return found

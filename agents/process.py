@@ -24,7 +24,6 @@ import uvloop
 from ..transport import fabric
 from ..transport import zenoh_session as zs
 from ..transport.events import Event
-from ..transport.faults import from_plain
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
 from ..transport.media import AIR, on_air
@@ -32,7 +31,7 @@ from .loaded_sources import loaded_sources
 from .lockstep import Lockstep
 from .node import Node
 from .pacing import Realtime
-from .plan_codec import decode_plan
+from .plan_codec import decode_plan, decode_value
 from .run_start import RunStart
 from .sender import Put
 
@@ -229,7 +228,7 @@ class _Shell:
         it = self._it
         node = Node(self._plan, it.name, [], self._pacer.put, it.incarnation, start_ns, saved=saved)
         for fault in faults:
-            node.arm(from_plain(fault))
+            node.arm(decode_value(fault))
         self._node = node
         kills = tuple((name, incarnation) for name, incarnation in run_start.pop("external_kills"))
         self._pacer.begin(node, RunStart(external_kills=kills, **run_start))
@@ -241,7 +240,7 @@ class _Shell:
         return True
 
     def _arm(self, faults: list[Any], instant_ns: int) -> bool:
-        return self._pacer.arm([from_plain(fault) for fault in faults], instant_ns)
+        return self._pacer.arm([decode_value(fault) for fault in faults], instant_ns)
 
     def _end(self, instant_ns: int) -> bool:
         """End the run earlier than planned; whether the instant is still to come."""

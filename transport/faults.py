@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ..errors import BadInput
-from .csma import Csma
-from .latencies import LATENCIES
-from .links import NANOSECONDS, Bucket, LinkSettings, Queue
-from .losses import LOSSES
-from .media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
+from .links import NANOSECONDS, LinkSettings
 
 LinkName = tuple[str, str]
 
@@ -129,60 +125,3 @@ def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], n
     for fault in sorted(touching, key=lambda fault: (fault.at_ns, fault.id)):
         changes.update(fault.changes)
     return replace(base, **changes) if changes else base
-
-
-_TYPE = "is"
-_KINDS: dict[str, Any] = {
-    kind.__name__: kind
-    for kinds in (
-        (
-            LinkFault,
-            Kill,
-            Pause,
-            Hog,
-            ClockFault,
-            SensorFault,
-            Queue,
-            Bucket,
-            FullDuplex,
-            HalfDuplex,
-            Aloha,
-            SlottedAloha,
-            Tdma,
-            Csma,
-        ),
-        LOSSES.classes(),
-        LATENCIES.classes(),
-    )
-    for kind in kinds
-}
-
-
-def to_plain(value: Any) -> Any:
-    """A fault as plain values, for MessagePack and JSON; `from_plain` gives an equal one back."""
-    if is_dataclass(value) and not isinstance(value, type):
-        members = {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
-        return {_TYPE: type(value).__name__, **members}
-    if isinstance(value, Mapping):
-        return {key: to_plain(member) for key, member in value.items()}
-    if isinstance(value, tuple | list):
-        return [to_plain(member) for member in value]
-    return value
-
-
-def from_plain(value: Any) -> Any:
-    """What `to_plain` took apart; lists come back as tuples.
-
-    Raises:
-        BadInput: an unknown kind.
-    """
-    if isinstance(value, list):
-        return tuple(from_plain(member) for member in value)
-    if not isinstance(value, Mapping):
-        return value
-    members = {key: from_plain(member) for key, member in value.items() if key != _TYPE}
-    if _TYPE not in value:
-        return members
-    if value[_TYPE] not in _KINDS:
-        raise BadInput(f"unknown kind {value[_TYPE]!r} in a fault")
-    return _KINDS[value[_TYPE]](**members)

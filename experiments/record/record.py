@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from ...agents.journal import ENTRIES, FACT_ROWS, FRAME_ROWS, NOTED, Batch, Estimate
 from ...agents.plan import WORLD, Plan
+from ...agents.plan_codec import decode_value
 from ...errors import BadInput
 from ...topologies import natural_key
-from ...transport.faults import Fault, LinkName, from_plain, kills_of
+from ...transport.faults import Fault, LinkName, kills_of
 from ..evaluation.evaluation import Series
 from ..evaluation.evaluation_result import EvaluationResult, load_evaluation
 from .encoding import row_from_json, untag, vector_from_json
@@ -67,7 +68,7 @@ class Record:
         faults = {fault.id: fault for fault in self.plan.faults}
         for event in self.events:
             if event["event"] == "fault":
-                fault = from_plain(event["fault"])
+                fault = decode_value(event["fault"], only_read=True)
                 faults[fault.id] = fault
             elif event["event"] == "cleared":
                 faults[event["id"]] = replace(faults[event["id"]], until_ns=event["time_ns"])

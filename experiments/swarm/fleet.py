@@ -13,11 +13,11 @@ from typing import Any
 import msgpack
 
 from ...agents.plan import Plan
-from ...agents.plan_codec import encode_plan
+from ...agents.plan_codec import encode_plan, encode_value
 from ...agents.process import Assignment, Pace
 from ...errors import RunFailed
 from ...transport import zenoh_session as zs
-from ...transport.faults import Fault, Kill, to_plain
+from ...transport.faults import Fault, Kill
 from ...transport.keys import CONTROL_CLIENT, Keys
 from ..record.kept_sources import kept_modules
 from ..record.record import INJECTED
@@ -118,7 +118,7 @@ class Fleet:
             "interventions": self.interventions,
             "external_kills": sorted(self.external_kills),
         }
-        faults = [to_plain(fault) for fault in self.live_faults.values()]
+        faults = [encode_value(fault) for fault in self.live_faults.values()]
         return {"do": "start", "start_ns": start_ns, "faults": faults, "saved": saved, "run_start": run_start}
 
     async def bring_to_life(self, key: tuple[str, int], start_ns: int, saved: bytes | None) -> None:

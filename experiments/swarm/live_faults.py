@@ -8,8 +8,9 @@ from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ...agents.plan_codec import encode_value
 from ...errors import BadInput
-from ...transport.faults import Fault, Kill, LinkFault, Pause, in_force, to_plain
+from ...transport.faults import Fault, Kill, LinkFault, Pause, in_force
 from ..scenario.expansion import entry_of, parse_fault
 from ..scenario.fault_places import parse_agents, parse_links, places_of, read_words
 from .live_fault_checks import Circumstances, refuse, warnings
@@ -93,7 +94,7 @@ class Injector:
         if swarm.pace == "lockstep":
             await swarm.order({"do": "thaw"})
         for fault in faults:
-            self._sink.event({"event": "fault", "time_ns": at_ns, "fault": to_plain(fault)})
+            self._sink.event({"event": "fault", "time_ns": at_ns, "fault": encode_value(fault)})
         self._say_if_late(faults, at_ns, in_time=in_time)
         return at_ns, faults
 
@@ -115,7 +116,7 @@ class Injector:
 
     async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         self._swarm.interventions += self._swarm.pace == "lockstep"
-        order = {"do": "arm", "faults": [to_plain(fault) for fault in faults], "instant_ns": instant_ns}
+        order = {"do": "arm", "faults": [encode_value(fault) for fault in faults], "instant_ns": instant_ns}
         began = time.monotonic()
         answers = await self._swarm.order(order)
         self._took_s = time.monotonic() - began

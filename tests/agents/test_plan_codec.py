@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
+import msgpack
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,11 +17,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from volery.agents.plan import AgentPlan, Plan
-from volery.agents.plan_codec import Opaque, decode_plan, encode_plan
+from volery.agents.plan_codec import Opaque, decode_plan, decode_value, encode_plan, encode_value
 from volery.errors import BadInput
 from volery.experiments.record.record import Collector
 from volery.experiments.scenario.load import builtin_scenarios, load_scenario
 from volery.experiments.twin import Twin
+from volery.transport.faults import LinkFault
+from volery.transport.frame_losses import Bernoulli
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings
 
@@ -203,6 +206,32 @@ def test_a_class_that_has_other_fields_now_is_named() -> None:
     text = encode_plan(plan_with(Choice(1))).replace('"what"', '"which"')
     with pytest.raises(BadInput, match=r"test_plan_codec:Choice is another class than that of the plan: .*which"):
         decode_plan(text)
+
+
+@pytest.mark.parametrize("only_read", [True, False])
+def test_only_data_are_made(only_read: bool) -> None:
+    """A text that names a function, or a class that does things, calls nothing."""
+    for name in ("volery.units:quantity", "volery.experiments.twin:Twin"):
+        text = encode_plan(plan_with(Choice(1))).replace(f"{__name__}:Choice", name)
+        with pytest.raises(BadInput, match=f"{name}, which the plan names, is no dataclass, named tuple or enum"):
+            decode_plan(text, only_read=only_read)
+
+
+@given(
+    st.builds(
+        LinkFault,
+        st.text(),
+        st.integers(0, 9),
+        st.none(),
+        st.just((("1", "2"),)),
+        st.fixed_dictionaries({"loss": st.tuples(st.builds(Bernoulli, st.floats(0, 1)))}),
+    )
+)
+def test_a_live_fault_goes_to_agents_and_into_the_record(fault: LinkFault) -> None:
+    """Through MessagePack and JSON, models included."""
+    encoded = encode_value(fault)
+    assert decode_value(msgpack.unpackb(msgpack.packb(encoded))) == fault
+    assert decode_value(json.loads(json.dumps(encoded)), only_read=True) == fault
 
 
 def test_a_changed_plan_is_another_text() -> None:

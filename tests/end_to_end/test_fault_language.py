@@ -11,13 +11,13 @@ import pytest
 
 import volery
 from volery.agents.plan import Plan
+from volery.agents.plan_codec import decode_value
 from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.swarm.control_server import ControlServer
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
-from volery.transport.faults import from_plain
 from volery.transport.keys import Keys
 
 from .conftest import MS, advanced, departures, run_swarm, until
@@ -33,7 +33,7 @@ async def a_while(swarm: Swarm, collected: Collector) -> None:
 
 def injected(record: Record, name: str) -> list[Any]:
     """The faults that an injection came to."""
-    faults = [from_plain(event["fault"]) for event in record.events if event["event"] == "fault"]
+    faults = [decode_value(event["fault"]) for event in record.events if event["event"] == "fault"]
     return [fault for fault in faults if fault.id.partition(".")[0] == name]
 
 

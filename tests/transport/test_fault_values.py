@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volery.errors import BadInput
-from volery.transport.faults import Fault, Kill, LinkFault, Pause, effective, from_plain, to_plain
+from volery.transport.faults import Kill, LinkFault, Pause, effective
 from volery.transport.latencies import Constant, Normal, Uniform
 from volery.transport.links import LinkSettings, Queue
 from volery.transport.losses import Bernoulli, GilbertElliott
@@ -43,18 +41,6 @@ names = st.text("abc0123456789", min_size=1, max_size=3)
 links = st.lists(st.sampled_from([LINK, ("2", "1"), ("2", "3")]), max_size=3, unique=True).map(tuple)
 link_faults = st.builds(LinkFault, names, starts, ends, links, changes)
 faults = link_faults | st.builds(Kill, names, starts, ends, names) | st.builds(Pause, names, starts, ends, names)
-
-
-@given(faults)
-def test_a_fault_survives_the_wire(fault: Fault) -> None:
-    """Taken apart, through MessagePack, and put together again it is equal, models included."""
-    assert from_plain(msgpack.unpackb(msgpack.packb(to_plain(fault)))) == fault
-
-
-def test_an_unknown_kind_is_refused() -> None:
-    """Only what a fault is made of is ever built from the wire."""
-    with pytest.raises(BadInput, match="unknown kind 'Path' in a fault"):
-        from_plain({"is": "Path", "pathsegments": ["/"]})
 
 
 @given(st.lists(link_faults, max_size=5, unique_by=lambda fault: fault.id), st.integers(0, 13))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 from typing import Any
 
@@ -12,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.transport.faults import from_plain, to_plain
 from volery.transport.links import LOST, LinkSettings
 from volery.transport.losses import (
     LOSSES,
@@ -55,12 +53,6 @@ def fates(model: Loss, link: Surroundings, frames: int = 200) -> list[bool]:
 def test_every_model_is_tried() -> None:
     """The models of this page are those that scenarios have."""
     assert {name: type(model) for name, model in EACH.items()} == LOSSES.built_in
-
-
-@pytest.mark.parametrize("model", EACH.values(), ids=EACH)
-def test_a_model_is_plain_data(model: Loss) -> None:
-    """Through JSON and back it is equal, as it travels in faults."""
-    assert from_plain(json.loads(json.dumps(to_plain(model)))) == model
 
 
 @pytest.mark.parametrize("model", EACH.values(), ids=EACH)

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from volery.agents.journal import Batch, Dropped, Late
 from volery.agents.plan import Plan
+from volery.agents.plan_codec import encode_value
 from volery.experiments.analysis.accounting import LinkAccount, account, total
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
-from volery.transport.faults import Kill, LinkFault, Pause, to_plain
+from volery.transport.faults import Kill, LinkFault, Pause
 from volery.transport.latencies import Normal
 from volery.transport.links import LinkSettings, Queue
 from volery.transport.losses import Bernoulli
@@ -123,7 +124,7 @@ def test_frame_sent_after_the_restart_must_be_heard(record_of: Make, sent: Make)
 
 def test_live_kill_counts_as_one_of_the_scenario(record_of: Make, sent: Make) -> None:
     """A kill that came from a second terminal is in the run's events and explains what was not heard."""
-    events = [{"event": "fault", "time_ns": 50 * MS, "fault": to_plain(Kill("l1", 100 * MS, None, "2"))}]
+    events = [{"event": "fault", "time_ns": 50 * MS, "fault": encode_value(Kill("l1", 100 * MS, None, "2"))}]
     one = of_link(record_of(Batch("1", 0, sent=[sent(0, 200)]), Batch("2", 0), events=events))
     assert one.closes
     assert one.lost == {"receiver-down": 1}
@@ -134,7 +135,7 @@ def test_cleared_fault_ends_when_it_was_cleared(record_of: Make) -> None:
     cut = LinkFault("t1", 100 * MS, 900 * MS, (LINK,), {"cut": True})
     pause = Pause("l1", 300 * MS, None, "2")
     events = [
-        {"event": "fault", "time_ns": 300 * MS, "fault": to_plain(pause)},
+        {"event": "fault", "time_ns": 300 * MS, "fault": encode_value(pause)},
         {"event": "cleared", "time_ns": 400 * MS, "id": "t1"},
     ]
     record: Record = record_of(events=events, faults=(cut,))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from volery.agents.plan_codec import decode_plan, encode_plan
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.consistency import settings_problems
@@ -34,10 +34,10 @@ def test_agents_come_in_natural_order_with_their_neighbourhood(load: Load) -> No
     assert plan.links.keys() == {link for name in hub.neighbours for link in (("1", name), (name, "1"))}
 
 
-def test_a_plan_can_be_pickled(load: Load) -> None:
-    """It goes to other processes as it is."""
+def test_a_plan_can_be_encoded(load: Load) -> None:
+    """It goes to other processes so."""
     plan = compile_plan(load("topology.hexagonal=4", "world={kind: plane, altitude: 0.2 m}"))
-    assert pickle.loads(pickle.dumps(plan)) == plan  # noqa: S301 - made here
+    assert decode_plan(encode_plan(plan)) == plan
     assert plan.world is not None
     assert plan.world.sensors("1") == {"distance": 20.0}
 
@@ -120,7 +120,7 @@ def test_agents_that_move_are_neighbours_while_they_are_near(load: Load) -> None
     assert plan.presence == dict.fromkeys((("2", "3"), ("3", "2")), ((0, 2_600_000_000),))
     assert plan.distance_m("2", "3", 5_000_000_000) == 15.0
     assert [agent.position for agent in plan.agents] == [None, None, None]
-    assert pickle.loads(pickle.dumps(plan)) == plan  # noqa: S301 - made here
+    assert decode_plan(encode_plan(plan)) == plan
 
 
 def test_a_world_may_move_the_agents_of_any_topology(load: Load) -> None:

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from volery.agents.plan_codec import decode_value, encode_value
 from volery.errors import BadInput
 from volery.experiments.scenario.expansion import entry_of, parse_fault
 from volery.experiments.scenario.fault_places import Places, parse_agents, parse_links
 from volery.experiments.scenario.link_schema import link_changes, spelled_changes
-from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, from_plain, to_plain
+from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
 from volery.transport.losses import (
@@ -111,7 +112,7 @@ _changes = st.fixed_dictionaries(
 def test_what_is_written_of_a_link_reads_back_equal(changes: dict[str, Any]) -> None:
     """Through text and back every setting is equal, to the last bit of every model's parameters; as a fault too."""
     assert link_changes(json.loads(json.dumps(spelled_changes(changes)))) == changes
-    assert from_plain(json.loads(json.dumps(to_plain(changes)))) == changes
+    assert decode_value(json.loads(json.dumps(encode_value(changes)))) == changes
 
 
 @pytest.mark.parametrize(
