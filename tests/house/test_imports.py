@@ -16,8 +16,6 @@ FILES = {
     for path in (folder.glob("*.py") if folder == PACKAGE else folder.rglob("*.py"))
 }
 """Module → its file; the folders of the package are links, which `rglob` alone does not follow."""
-KNOWN = {"scenario.py"}
-"""Not yet untangled."""
 
 
 def imported(module: str) -> Iterator[str]:
@@ -36,10 +34,10 @@ def test_imports_have_no_circle() -> None:
     assert len(FILES) > 100
     graph = nx.DiGraph((module, other) for module in FILES for other in imported(module) if other != module)
     circles = [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
-    assert [sorted(circle) for circle in circles if not circle <= KNOWN] == []
+    assert [sorted(circle) for circle in circles] == []
 
 
 def test_base_names_do_not_repeat() -> None:
     """A file is known by its name alone, whatever folder it is in."""
     counts = Counter(path.name for path in FILES.values() if path.name != "__init__.py")
-    assert [name for name, count in counts.items() if count > 1 and name not in KNOWN] == []
+    assert [name for name, count in counts.items() if count > 1] == []

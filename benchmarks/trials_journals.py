@@ -1,0 +1,81 @@
+"""Compare the journals of all built-in scenarios in the twin with those that `journals.json` keeps as digests.
+
+    python benchmarks/trials_journals.py              all built-in scenarios
+    python benchmarks/trials_journals.py dfa4 mav3    some of them
+
+Digests are of the reports and of the frames of each life of each agent, of each true quantity that a coupled world
+wrote down, and of the central estimates and the truth beside each reported quantity.
+journals.json is of commit 93240e7. Bits depend on NumPy, SciPy, BLAS and the processor: on another kind of machine
+differences say nothing, and both sides must be made on that one.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import msgpack
+
+from volery.experiments.record.record import Record
+from volery.experiments.record.samples import samples
+from volery.experiments.scenario.load import builtin_scenarios, load_scenario
+from volery.experiments.twin import recorded
+
+KEPT = Path(__file__).with_name("journals.json")
+_DIGITS = 16
+
+
+def digest(content: bytes) -> str:
+    """The first digits of a SHA-256."""
+    return sha256(content).hexdigest()[:_DIGITS]
+
+
+def digests(record: Record) -> dict[str, Any]:
+    """`journal`: life → (reports, frames); `world`: quantity → truth; `references`: quantity → central and truth."""
+    world_agents = {agent.name for agent in record.plan.world_agents}
+    journal: dict[str, list[str]] = {}
+    world: dict[str, list[tuple[Any, ...]]] = {}
+    for (name, incarnation), batch in record.batches.items():
+        if name in world_agents:
+            for estimate in batch.estimates:
+                world.setdefault(estimate.quantity, []).append(tuple(estimate))
+            continue
+        frames = [sorted(map(tuple, entries)) for entries in (batch.sent, batch.heard, batch.dropped)]
+        reports = list(map(tuple, batch.estimates))
+        journal[f"{name}#{incarnation}"] = [digest(msgpack.packb(part)) for part in (reports, frames)]
+    references = {}
+    for quantity in record.quantities():
+        seen = samples(record, quantity)
+        references[quantity] = {"central": digest(seen.oracle.tobytes()), "truth": digest(seen.truth.tobytes())}
+    return {
+        "journal": journal,
+        "world": {quantity: digest(msgpack.packb(rows)) for quantity, rows in world.items()},
+        "references": references,
+    }
+
+
+def different(kept: dict[str, Any], found: dict[str, Any]) -> Iterator[str]:
+    """What of one scenario is not as it was, in words."""
+    for part, before in kept.items():
+        for name in sorted(before.keys() | found[part].keys()):
+            if before.get(name) != found[part].get(name):
+                yield f"{part} of {name}"
+
+
+def main(names: list[str]) -> int:
+    """Compare; 1 where a journal differs."""
+    kept = json.loads(KEPT.read_text("utf-8"))
+    failed = False
+    for name in names or [scenario.name for scenario in builtin_scenarios()]:
+        differences = list(different(kept[name], digests(recorded(load_scenario(name).plan))))
+        failed |= any(not text.startswith("references") for text in differences)
+        print(f"{name}: {'; '.join(differences) or 'as kept'}", flush=True)
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
