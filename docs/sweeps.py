@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import volery
+from volery.experiments.cli.sweep_tables import half_width
 from volery.experiments.figures.run_figures import BLACK, BLUE, COLUMN_IN, VERMILION, save
 from volery.experiments.sweeps.pools import Done
 from volery.experiments.sweeps.significance import contests, entries
@@ -24,7 +25,6 @@ from volery.experiments.sweeps.sweep_figures import chart_of, plot_sweep
 from volery.experiments.sweeps.sweep_plan import Job, plan_sweep
 from volery.experiments.sweeps.sweep_results import Sweep
 from volery.experiments.sweeps.sweep_runs import run_job
-from volery.experiments.sweeps.sweep_tables import half_width
 
 ERROR = "estimate.oracle_error.steady_rms"
 DELIVERED = "links.delivered_fraction"

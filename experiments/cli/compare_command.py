@@ -23,10 +23,10 @@ from ..sweeps.significance import (
     main_measure,
 )
 from ..sweeps.sweep_results import load_sweep
-from ..sweeps.sweep_tables import contest_table, notes, to_plain, too_few_seeds
 from .common_options import RUNS, RunsFolder
 from .folders import find_sweep, finished_run
 from .output import output, print_note, print_plain
+from .sweep_tables import contest_table, notes, to_plain, too_few_seeds
 
 _MEASURE = "What to compare, e.g. links.bytes_per_agent_s; several times for several; by default the error at the end."
 _BY = "Axes whose values compete; by default sweeps, or the first axis whose values are no numbers."

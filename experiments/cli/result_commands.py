@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from ...errors import BadInput
 from ..analysis.export import FORMATS, write
-from ..analysis.metric_tables import metrics_tables
 from ..analysis.metrics import write_metrics
 from ..figures.run_figures import FIGURES, draw
 from ..fresh_replay import verify_afresh
@@ -21,6 +20,7 @@ from ..sweeps.sweep_figures import SWEEP_FIGURES
 from .common_options import RUNS, RunName, RunsFolder
 from .diagram import NO_DIAGRAM, Diagram
 from .folders import find_sweep, finished_run
+from .metric_tables import metrics_tables
 from .output import output, print_plain
 from .sweep_chart import NO_CHART, ChartOptions
 

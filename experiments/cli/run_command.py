@@ -11,13 +11,13 @@ from cyclopts import Parameter
 
 from ...agents.process import Pace
 from ...errors import BadInput
-from ..analysis.metric_tables import metrics_tables
 from ..analysis.metrics import Metrics
 from ..execution import Engine, Options, Outcome, execute
 from ..scenario.load import LoadedScenario, resolved_yaml
 from ..scenario.validate import validate_plan
 from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
 from .detach import detached
+from .metric_tables import metrics_tables
 from .output import output, print_error, print_plain
 from .reading import read_scenario
 from .run_display import Progress

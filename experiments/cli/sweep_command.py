@@ -16,9 +16,9 @@ from ..sweeps.sweep import SweepOptions
 from ..sweeps.sweep_plan import plan_sweep
 from ..sweeps.sweep_progress import run_shown
 from ..sweeps.sweep_results import TABLE_FILE, Sweep, is_sweep, load_sweep
-from ..sweeps.sweep_tables import contest_table, notes, too_few_seeds
 from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
 from .output import output, print_note, print_plain
+from .sweep_tables import contest_table, notes, too_few_seeds
 
 INTERRUPTED = 130
 _OVER = (

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
-from volery.experiments.analysis.metric_tables import metrics_tables
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
+from volery.experiments.cli.metric_tables import metrics_tables
 from volery.experiments.evaluation.evaluation import Evaluation, Finding, Quantity, RunData
 from volery.experiments.record.record import Record
 from volery.units import period_ns

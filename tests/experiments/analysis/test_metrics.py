@@ -17,8 +17,8 @@ from volery.agents.journal import Batch, Estimate, Late, Sent
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.fidelity import Lateness
-from volery.experiments.analysis.metric_tables import metrics_tables
 from volery.experiments.analysis.metrics import Metrics, compute_metrics, contraction
+from volery.experiments.cli.metric_tables import metrics_tables
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.fault_labels import fault_label

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from volery.errors import BadInput
+from volery.experiments.cli.sweep_tables import contest_table, notes, short_names, to_plain, too_few_seeds
 from volery.experiments.sweeps.significance import (
     Entry,
     check_measure,
@@ -20,7 +21,6 @@ from volery.experiments.sweeps.significance import (
 )
 from volery.experiments.sweeps.sweep_plan import SweepPlan, SweptAxis, SweptCell
 from volery.experiments.sweeps.sweep_results import Row, Sweep
-from volery.experiments.sweeps.sweep_tables import contest_table, notes, short_names, to_plain, too_few_seeds
 
 SEEDS = range(10)
 ERROR = "x.oracle_error.steady_rms"

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from rich.table import Table
 
-from .accounting import LinkAccount, total
-from .fidelity import fidelity_lines
-from .metrics import LinkMetrics, Metrics, QuantityMetrics
+from ..analysis.accounting import LinkAccount, total
+from ..analysis.fidelity import fidelity_lines
+from ..analysis.metrics import LinkMetrics, Metrics, QuantityMetrics
 
 _WORST_LINKS = 5
 _FIRST_FAULTS = 20

@@ -9,8 +9,8 @@ from typing import Any
 from rich.table import Table
 
 from ..analysis.statistics import SIGNIFICANCE, Interval, seeds_needed
-from .significance import Contest, Standing
-from .sweep_results import Sweep
+from ..sweeps.significance import Contest, Standing
+from ..sweeps.sweep_results import Sweep
 
 _NOTHING = "–"
 
