@@ -1,4 +1,4 @@
-"""The checks that every array and every name of a neighbour pass on their way in."""
+"""Checks of arguments: arrays and names of neighbours."""
 
 from __future__ import annotations
 

@@ -28,9 +28,9 @@ def error(estimates: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
 
 
 def attitude_difference(estimates: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-    """The turn that takes the reference to the estimate, about the axes of the inertial frame: the shorter way round.
+    """The shortest rotation from the reference to the estimate, in coordinates of the inertial frame.
 
-    The rotation vector of Q̂ ⊙ Q⁻¹            Betanzos 2024, (6), from the other side
+    The rotation vector of Q̂ ⊙ Q⁻¹            Betanzos 2024, (6), with the factors exchanged
 
     Its two-norm is the angle between the two, at most π, whatever the signs of the quaternions.
 
@@ -50,7 +50,7 @@ def attitude_difference(estimates: ArrayLike, reference: ArrayLike) -> NDArray[n
 
 
 def disagreement(estimates: ArrayLike) -> NDArray[np.float64]:
-    """Root mean square over the agents of the distance to their mean.
+    """Root mean square distance of the agents' estimates to their mean.
 
     √(1/N Σ_i ‖x̂_i − x̄‖²): the quantity that averaging contracts in each round by ρ(W − 11ᵀ/N).
 
@@ -70,7 +70,7 @@ def disagreement(estimates: ArrayLike) -> NDArray[np.float64]:
 
 
 def convergence_time(times_ns: ArrayLike, errors: ArrayLike, threshold: float) -> int | None:
-    """First time from which on the error stays at or below a threshold, or None if it does not.
+    """First time after which the error stays at or below a threshold, or None if it does not.
 
     Args:
         times_ns: ascending, shape (T,) [ns].
@@ -88,16 +88,16 @@ def convergence_time(times_ns: ArrayLike, errors: ArrayLike, threshold: float) -
 def recovery_time(
     times_ns: ArrayLike, errors: ArrayLike, threshold: float, *, after_ns: int, before_ns: int | None = None
 ) -> int | None:
-    """How long after an instant, such as the end of a fault, the error comes to stay at or below a threshold.
+    """Time from an instant, such as the end of a fault, until the error stays at or below a threshold.
 
     Args:
         times_ns: ascending, shape (T,) [ns].
         errors: shape (T,); NaN counts as above.
         threshold: in the unit of the errors.
         after_ns: the instant [ns].
-        before_ns: where to stop looking, such as the begin of the next fault [ns]; None for the end.
+        before_ns: end of the span considered, such as the start of the next fault [ns]; None for the end of the run.
     Returns:
-        Duration [ns]; 0 if the error is never above in that span; None if it does not recover or has no value there.
+        Duration [ns]; 0 if the error is never above in the span; None if it does not recover or the span has no value.
     Raises:
         BadInput: shapes differ.
     """
@@ -110,12 +110,12 @@ def recovery_time(
 
 
 def contraction(disagreements: ArrayLike) -> float:
-    """Factor by which the disagreement shrinks in one round, by least squares over its logarithm.
+    """Factor by which the disagreement shrinks per round, by a least-squares fit of its logarithm.
 
     exp of the slope of log d(k) over k; to be compared with the essential spectral radius of the weights.
 
     Args:
-        disagreements: one value a round, shape (K,), K ≥ 2; leave out rounds at the floor of rounding.
+        disagreements: one value per round, shape (K,), K ≥ 2; leave out rounds dominated by rounding errors.
     Raises:
         BadInput: fewer than two rounds, or a value that is not positive and finite.
     """
@@ -127,7 +127,7 @@ def contraction(disagreements: ArrayLike) -> float:
 
 
 def nees(errors: ArrayLike, covariances: ArrayLike) -> NDArray[np.float64]:
-    """Normalised estimation error squared: of a consistent filter it is χ² with n degrees of freedom.
+    """Normalised estimation error squared; for a consistent filter it is χ² distributed with n degrees of freedom.
 
     ε = eᵀ P⁻¹ e            Bar-Shalom, Li and Kirubarajan 2001, (5.4.2-1)
 
@@ -144,7 +144,7 @@ def nees(errors: ArrayLike, covariances: ArrayLike) -> NDArray[np.float64]:
 
 
 def chi_square_bounds(dimension: int, samples: int = 1, confidence: float = 0.95) -> tuple[float, float]:
-    """Bounds between which the mean NEES of a consistent filter lies with this probability, tails alike.
+    """Interval in which the mean NEES of a consistent filter lies with this probability, with equal tails.
 
     Args:
         dimension: degrees of freedom of one value, ≥ 1.

@@ -1,6 +1,6 @@
-"""Information pairs (P, q): what is known of a state, in the form in which independent knowledge adds up.
+"""Information pairs (P, q): beliefs in information form, in which independent information is added.
 
-Letters: x state of n components, P information matrix (the inverse of a covariance, or singular where not all of x is
+Letters: x state of n components, P information matrix (the inverse of a covariance, or singular if not all of x is
 known), q = P x̂ information vector.
 """
 
@@ -20,7 +20,7 @@ from .checks import as_array
 
 @dataclass(frozen=True, eq=False)
 class InformationPair:
-    """Information matrix P, shape (n, n), and vector q, shape (n,); of a flying array [1, m, m²] and [m, m²].
+    """Information matrix P, shape (n, n), and vector q, shape (n,); for a flying array [1, m, m²] and [m, m²].
 
     Raises:
         BadInput: shapes that do not fit, or not finite.
@@ -36,14 +36,14 @@ class InformationPair:
 
     @classmethod
     def trusted(cls, P: NDArray[np.float64], q: NDArray[np.float64]) -> Self:
-        """The pair of arrays that this package has made of checked ones, unchecked and not copied."""
+        """The pair with these arrays, without checks and copies; for arrays computed from checked ones."""
         pair = cls.__new__(cls)
         pair.__dict__.update(P=P, q=q)
         return pair
 
 
 def packed_size(dimension: int) -> int:
-    """Numbers of a packed pair about a state of so many components: n (n + 3) / 2."""
+    """Length of a packed pair about a state of n components: n (n + 3) / 2."""
     return dimension * (dimension + 3) // 2
 
 
@@ -54,10 +54,10 @@ def pack_symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def unpack_symmetric(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix (n, n) that `pack_symmetric` packed, exactly symmetric.
+    """Inverse of `pack_symmetric`; the matrix (n, n) is exactly symmetric.
 
     Raises:
-        BadInput: a length that no such matrix has.
+        BadInput: the length is not n (n + 1) / 2.
     """
     dimension = (isqrt(8 * len(vector) + 1) - 1) // 2
     if dimension * (dimension + 1) // 2 != len(vector):
@@ -67,7 +67,7 @@ def unpack_symmetric(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def mirrored(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The symmetric matrix (n, n) that has this upper triangle, whatever stands below it."""
+    """The symmetric matrix (n, n) with the upper triangle of this one."""
     whole: NDArray[np.float64] = matrix.take(_places(len(matrix))[2])
     return whole
 
@@ -78,7 +78,7 @@ def pack_pair(pair: InformationPair) -> NDArray[np.float64]:
 
 
 def unpack_pair(vector: ArrayLike) -> InformationPair:
-    """The pair that `pack_pair` packed; P comes out exactly symmetric.
+    """Inverse of `pack_pair`; P is exactly symmetric.
 
     Raises:
         BadInput: a length that no packed pair has, or not finite.
@@ -87,7 +87,7 @@ def unpack_pair(vector: ArrayLike) -> InformationPair:
 
 
 def unpack_trusted(packed: NDArray[np.float64]) -> InformationPair:
-    """As `unpack_pair`, of what this package has made itself: whether it is finite is not looked at.
+    """As `unpack_pair`, without the check for finite numbers; for pairs packed by this package.
 
     Raises:
         BadInput: a length that no packed pair has.
@@ -100,7 +100,10 @@ def unpack_trusted(packed: NDArray[np.float64]) -> InformationPair:
 
 @cache
 def _places(dimension: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Where in a matrix, row after row, its upper triangle stands; for each entry which of these it is, and where."""
+    """Index maps of a symmetric matrix (n, n), flattened by rows.
+
+    Upper triangle → matrix, matrix → upper triangle, and matrix → the same entry of the upper half of the matrix.
+    """
     rows, columns = np.triu_indices(dimension)
     which = np.empty((dimension, dimension), dtype=np.intp)
     which[rows, columns] = which[columns, rows] = np.arange(len(rows))

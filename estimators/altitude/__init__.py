@@ -1,1 +1,1 @@
-"""The modular altitude filter of Bavle 2017: components put together, and measurements in any order."""
+"""The modular altitude filter of Bavle 2017: a filter of components, and measurements that arrive out of order."""

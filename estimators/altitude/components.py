@@ -1,8 +1,8 @@
 """Components of the altitude filter of Bavle 2017: robot, ground, inertial measurement unit, barometer, range finder.
 
-A component has states of its own and says how they move; a sensor says besides what it would measure. `modular_filter`
-puts any number of them together. Letters: z height, φ roll, θ pitch, ω body rates, z_G height of the ground, b bias.
-Yaw and yaw rate are left out: no measurement touches them.
+A component has states and their motion model; a sensor also has a measurement model. `modular_filter` combines any
+number of them. Letters: z height, φ roll, θ pitch, ω body rates, z_G height of the ground, b bias.
+Yaw and yaw rate are left out: no measurement depends on them.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ Floats = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """A state of a component: its name, where it starts, how sure that is (standard deviation), and its random walk.
+    """A state of a component: name, initial value, its standard deviation, and its random walk.
 
-    In the state's unit, and for the walk that per √s.
+    All in the state's unit; the walk in that unit per √s.
     """
 
     name: str
@@ -43,7 +43,7 @@ class State(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """Where a sensor writes its derivatives: by robot (m, 7), ground (m,) and own states (m, k); 0 at first."""
+    """Blocks of a sensor's Jacobian, initially zero: by robot (m, 7), ground (m,) and own states (m, k)."""
 
     by_robot: Floats
     by_ground: Floats
@@ -51,15 +51,15 @@ class Blocks(NamedTuple):
 
 
 class Component(Protocol):
-    """A part of the filter with states of its own, perhaps none."""
+    """A part of the filter with any number of states, perhaps none."""
 
     def states(self) -> tuple[State, ...]:
-        """Its states, in order."""
+        """The states, in order."""
 
     def move(self, own: Floats, jacobian: Floats, dt: float) -> None:
-        """Change the own states (k,) into those after dt [s] without noise, and the identity (k, k) into the Jacobian.
+        """Propagate the own states (k,) by dt [s] without noise, and set the Jacobian (k, k), both in place.
 
-        Where only noise moves them there is nothing to change.
+        The Jacobian is given as the identity. Do nothing for states that only noise changes.
         """
 
 
@@ -68,22 +68,22 @@ class Sensor(Component, Protocol):
 
     @property
     def sees_ground(self) -> bool:
-        """Whether a step of the ground shows in what it measures."""
+        """Whether the measurement depends on the height of the ground."""
 
     def variances(self) -> Floats:
-        """Of its noise, (m,), the values of one sample being independent."""
+        """Noise variances (m,) of the values of a sample, which are independent."""
 
     def expected(self, robot: Floats, ground: float, own: Floats, blocks: Blocks) -> Floats:
-        """What it would measure without noise, (m,), with the derivatives written into the blocks."""
+        """Expected measurement (m,); writes the derivatives into the blocks."""
 
 
 @dataclass(frozen=True)
 class Robot:
     """The vehicle: z, v, a, φ, θ, ω_x, ω_y [m, m/s, m/s², rad, rad/s].
 
-    z⁺ = z + v dt + a dt²/2, v⁺ = v + a dt, (φ, θ)⁺ = (φ, θ) + ω dt; a and ω walk         Bavle 2017, (12)–(18)
+    z⁺ = z + v dt + a dt²/2, v⁺ = v + a dt, (φ, θ)⁺ = (φ, θ) + ω dt; a and ω are random walks   Bavle 2017, (12)–(18)
 
-    altitude: where it starts; deviation: how sure that is.
+    altitude: initial altitude; deviation: its standard deviation.
     """
 
     altitude: Metres = 0.0
@@ -96,7 +96,7 @@ class Robot:
         check_fields_above_zero(self, "deviation", "acceleration_walk", "turning_walk")
 
     def states(self) -> tuple[State, ...]:
-        """Seven; it starts at rest and level."""
+        """Seven states; initially at rest and level."""
         return (
             State("z", self.altitude, self.deviation),
             State("v", 0.0, 0.1),
@@ -108,7 +108,7 @@ class Robot:
         )
 
     def move(self, own: Floats, jacobian: Floats, dt: float) -> None:
-        """Constant acceleration and constant rates."""
+        """Propagate with constant acceleration and constant rates."""
         jacobian[0, 1] = jacobian[1, 2] = jacobian[3, 5] = jacobian[4, 6] = dt
         jacobian[0, 2] = dt * dt / 2
         own[:] = jacobian @ own
@@ -118,9 +118,9 @@ class Robot:
 class Ground:
     """The surface below the vehicle: its height z_G [m], never below 0, the lowest point of the room.
 
-    z_G⁺ = z_G if z_G > 0, else 0, with Jacobian 1 and 0; it walks         Bavle 2017, (19)–(20)
+    z_G⁺ = z_G if z_G > 0, else 0, with Jacobian 1 and 0, plus a random walk         Bavle 2017, (19)–(20)
 
-    height: where it starts; deviation: how sure that is.
+    height: initial height; deviation: its standard deviation.
     """
 
     height: Metres = 0.0
@@ -132,11 +132,11 @@ class Ground:
         check_fields_above_zero(self, "deviation", "walk")
 
     def states(self) -> tuple[State, ...]:
-        """One."""
+        """The height z_G."""
         return (State("ground", self.height, self.deviation, self.walk),)
 
     def move(self, own: Floats, jacobian: Floats, dt: float) -> None:
-        """Clamped at the floor."""
+        """Clamp the height at the floor."""
         if own[0] <= 0.0:
             own[0] = jacobian[0, 0] = 0.0
 
@@ -170,12 +170,12 @@ class Imu:
         """The bias walks, and nothing else."""
 
     def variances(self) -> Floats:
-        """Of the five values."""
+        """Noise variances of the five values."""
         noise = [self.acceleration_noise, *[self.attitude_noise] * 2, *[self.gyro_noise] * 2]
         return np.square(noise)
 
     def expected(self, robot: Floats, ground: float, own: Floats, blocks: Blocks) -> Floats:
-        """For small tilts, (26), (28)–(29), (31)–(32)."""
+        """Expected measurement for small tilts, (26), (28)–(29), (31)–(32)."""
         blocks.by_robot[:] = _IMU_BY_ROBOT
         blocks.by_own[0, 0] = 1.0
         values: Floats = robot[2:].copy()
@@ -212,7 +212,7 @@ class Barometer:
         return np.array([self.noise**2])
 
     def expected(self, robot: Floats, ground: float, own: Floats, blocks: Blocks) -> Floats:
-        """As above."""
+        """Expected measurement z + b_b."""
         blocks.by_robot[0, 0] = blocks.by_own[0, 0] = 1.0
         return robot[:1] + own
 
@@ -233,18 +233,18 @@ class RangeFinder:
         check_fields_above_zero(self, "noise")
 
     def states(self) -> tuple[State, ...]:
-        """None."""
+        """No states."""
         return ()
 
     def move(self, own: Floats, jacobian: Floats, dt: float) -> None:
-        """Nothing to move."""
+        """Do nothing: there are no states."""
 
     def variances(self) -> Floats:
         """Of the one value."""
         return np.array([self.noise**2])
 
     def expected(self, robot: Floats, ground: float, own: Floats, blocks: Blocks) -> Floats:
-        """With the derivatives by height, roll, pitch and ground."""
+        """Expected distance, with derivatives by height, roll, pitch and ground."""
         height, roll, pitch = robot[0], robot[3], robot[4]
         upright = math.cos(roll) * math.cos(pitch)
         distance = (height - ground) / upright

@@ -1,8 +1,8 @@
-"""An extended Kalman filter put together from components, after Bavle 2017: any number of sensors of any kind.
+"""A modular extended Kalman filter, after Bavle 2017: any number of sensors of any kind.
 
-The state vector is that of the robot, then of the ground, then of each sensor in the order given. Prediction is to any
-instant, on demand and before each measurement. Letters: P covariance, H Jacobian of a measurement, S covariance of the
-innovation ν, K gain, R variances of the noise.
+The state vector holds the states of the robot, of the ground, and of each sensor in the order given. The filter
+predicts to the instant of each measurement, and to any other on demand. Letters: P covariance, H Jacobian of a
+measurement, S covariance of the innovation ν, K gain, R noise variances.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from .components import ROBOT_STATES, Blocks, Component, Floats, Ground, Robot, 
 
 Variant = Literal["as_printed", "gate", "gate_and_floor"]
 GROUND = ROBOT_STATES
-"""Place of the ground's height in the state vector."""
+"""Index of the ground's height in the state vector."""
 _NANOSECOND = 1e-9
 _LOST = 1.0
 
 
 @dataclass(frozen=True)
 class GroundJumps:
-    """What the filter makes of a ground that jumps, which a walk cannot follow; none of it is in the paper.
+    """How the filter handles jumps of the ground, which a random walk cannot follow; this is not in the paper.
 
-    variant: `as_printed` trusts every innovation; with `gate` one of a sensor that sees the ground and lies over `gate`
-        standard deviations is a jump of the ground, whose variance grows by `jump`² before the update, so that the jump
-        goes into the ground and not into the altitude. `gate_and_floor` also takes the ground for the floor where that
-        is plausible: its estimate is within `level` of 0 and within `gate` standard deviations; it is then measured to
-        be 0 with the deviation `floor_noise`.
+    variant: `as_printed` accepts every innovation. `gate` takes an innovation of more than `gate` standard deviations,
+        of a sensor that sees the ground, for a jump of the ground: the variance of the ground grows by `jump`² before
+        the update, so that the jump changes the ground and not the altitude. `gate_and_floor` also recognises the
+        floor: if the estimate of the ground is within `level` of 0 and within `gate` standard deviations, the filter
+        adds a measurement of 0 with the standard deviation `floor_noise`.
     """
 
     variant: Variant = "gate_and_floor"
@@ -49,7 +49,7 @@ class GroundJumps:
 
 
 class Belief(NamedTuple):
-    """Mean (n,) and covariance (n, n) of the state at an instant, and how many jumps of the ground were seen so far."""
+    """Mean (n,) and covariance (n, n) of the state at an instant, and the number of jumps of the ground so far."""
 
     time_ns: int
     mean: Floats
@@ -58,12 +58,12 @@ class Belief(NamedTuple):
 
     @property
     def altitude(self) -> float:
-        """Of the vehicle over the floor [m]."""
+        """Altitude of the vehicle above the floor [m]."""
         return float(self.mean[0])
 
     @property
     def ground(self) -> float:
-        """Height of the surface below it [m]."""
+        """Height of the surface below the vehicle [m]."""
         return float(self.mean[GROUND])
 
     def deviation(self, state: int) -> float:
@@ -72,12 +72,12 @@ class Belief(NamedTuple):
 
 
 class ModularFilter:
-    """The filter.
+    """The filter: a robot, a ground and named sensors.
 
     Args:
         robot, ground: the two components that every such filter has.
-        sensors: pairs of a name and a component; the name is that of its measurements.
-        jumps: what is made of a ground that jumps.
+        sensors: pairs (name, component); measurements are given by this name.
+        jumps: how jumps of the ground are handled.
     Raises:
         BadInput: no sensor at all, or two components of one name.
     """
@@ -102,16 +102,16 @@ class ModularFilter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the states, in order; a sensor's own ones as "barometer bias of NAME"."""
+        """Names of the states, in order; those of a sensor as "barometer bias of NAME"."""
         return tuple(state.name for state in self._states)
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Whose measurements it takes."""
+        """Names of the sensors."""
         return tuple(self._sensors)
 
     def size(self, name: str) -> int:
-        """How many values a sensor measures.
+        """Number of values in a measurement of a sensor.
 
         Raises:
             BadInput: there is no such sensor.
@@ -119,7 +119,7 @@ class ModularFilter:
         return len(self._of(name)[2])
 
     def start(self, time_ns: int = 0, *, lost: bool = False) -> Belief:
-        """What is believed before any measurement; `lost`: altitude and ground are known to a metre only."""
+        """The belief before any measurement; with `lost`, the deviation of altitude and ground is 1 m."""
         mean = np.array([state.start for state in self._states])
         deviations = np.array([state.deviation for state in self._states])
         if lost:
@@ -127,12 +127,12 @@ class ModularFilter:
         return Belief(time_ns, mean, np.diag(deviations**2))
 
     def predict(self, belief: Belief, time_ns: int) -> Belief:
-        """What is believed of an instant that is not before that of the belief, without a measurement.
+        """Predict the belief to a later instant, or to the same.
 
-        x⁻ = f(x, dt), P⁻ = F P Fᵀ + T         Bavle 2017, (1); T holds walk²·dt of each state
+        x⁻ = f(x, dt), P⁻ = F P Fᵀ + T         Bavle 2017, (1); T is diagonal, walk²·dt for each state
 
         Raises:
-            BadInput: an instant before that of the belief.
+            BadInput: the instant is before that of the belief.
         """
         if time_ns <= belief.time_ns:
             if time_ns < belief.time_ns:
@@ -145,14 +145,14 @@ class ModularFilter:
         return Belief(time_ns, mean, _symmetric(covariance), belief.jumps)
 
     def transition(self, mean: Floats, dt: float) -> tuple[Floats, Floats]:
-        """The state after dt [s] without noise, and its Jacobian F (n, n)."""
+        """State after dt [s] without noise (n,), and the Jacobian F (n, n)."""
         after, jacobian = mean.copy(), self._identity.copy()
         for part, place in self._parts:
             part.move(after[place], jacobian[place, place], dt)
         return after, jacobian
 
     def expected(self, name: str, mean: Floats) -> tuple[Floats, Floats]:
-        """What a sensor would measure without noise (m,), and its Jacobian H (m, n).
+        """Expected measurement of a sensor (m,), and its Jacobian H (m, n).
 
         Raises:
             BadInput: there is no such sensor.
@@ -163,16 +163,16 @@ class ModularFilter:
         return sensor.expected(mean[:ROBOT_STATES], mean[GROUND], mean[place], blocks), jacobian
 
     def update(self, belief: Belief, name: str, values: Floats) -> Belief:
-        """What is believed after a measurement that was taken at the belief's instant.
+        """Update the belief with a measurement taken at its instant.
 
         ν = z − h(x), S = H P Hᵀ + R, K = P Hᵀ S⁻¹, x⁺ = x + K ν, P⁺ = P − K H P         Bavle 2017, (3)–(7)
 
         Args:
-            belief: before it.
-            name: of the sensor.
+            belief: the belief before the measurement.
+            name: name of the sensor.
             values: shape (m,), in the sensor's units.
         Raises:
-            BadInput: there is no such sensor, it measures another number of values, or one that is not finite.
+            BadInput: no such sensor, wrong number of values, or a value that is not finite.
         """
         sensor, _, variances = self._of(name)
         if values.shape != variances.shape:
@@ -187,11 +187,11 @@ class ModularFilter:
         return self._floored(belief) if self._jumps.variant == "gate_and_floor" else belief
 
     def take(self, belief: Belief, time_ns: int, name: str, values: Floats) -> Belief:
-        """Prediction to the instant of a measurement, and the update."""
+        """Predict to the instant of a measurement, then update."""
         return self.update(self.predict(belief, time_ns), name, values)
 
     def _gated(self, belief: Belief, jacobian: Floats, innovation: Floats, variances: Floats) -> Belief:
-        """The belief with a ground that may be anywhere, if the innovation is over the gate: νᵀ S⁻¹ ν > gate²."""
+        """Increase the variance of the ground by jump² if the innovation exceeds the gate: νᵀ S⁻¹ ν > gate²."""
         spread = jacobian @ belief.covariance @ jacobian.T
         _diagonal(spread)[:] += variances
         if innovation @ _solved(spread, innovation) <= self._jumps.gate**2:
@@ -201,7 +201,7 @@ class ModularFilter:
         return belief._replace(covariance=covariance, jumps=belief.jumps + 1)
 
     def _floored(self, belief: Belief) -> Belief:
-        """The belief with the ground measured to be the floor, if that is plausible."""
+        """Update with the measurement z_G = 0, if it is plausible that the ground is the floor."""
         jumps, height = self._jumps, float(belief.mean[GROUND])
         variance = float(belief.covariance[GROUND, GROUND]) + jumps.floor_noise**2
         if abs(height) > jumps.level or height**2 > jumps.gate**2 * variance:
@@ -229,7 +229,7 @@ def _corrected(belief: Belief, jacobian: Floats, innovation: Floats, variances: 
 
 
 def _corrected_by_one(belief: Belief, crossed: Floats, innovation: float, variance: float) -> Belief:
-    """The same for one value: P Hᵀ is a vector, S a number, and what is taken from P is symmetric as it stands."""
+    """The same for one value: P Hᵀ is a vector, S a number, and K H P is exactly symmetric."""
     spread = math.sqrt(variance)
     part = crossed / spread
     mean: Floats = belief.mean + part * (innovation / spread)
@@ -238,7 +238,7 @@ def _corrected_by_one(belief: Belief, crossed: Floats, innovation: float, varian
 
 
 def _solved(matrix: Floats, right: Floats) -> Floats:
-    """The solution of a system with a symmetric, positive definite matrix; the matrix is overwritten."""
+    """Solve a linear system with a symmetric, positive definite matrix, which is overwritten."""
     _, solution, failed = lapack.dposv(matrix, right, overwrite_a=1)
     assert not failed, "a covariance of innovations is positive definite"
     result: Floats = solution
@@ -246,7 +246,7 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
 
 
 def _diagonal(matrix: Floats) -> Floats:
-    """A view of the diagonal of a fresh matrix."""
+    """A view of the diagonal of a C-contiguous matrix."""
     return matrix.ravel()[:: len(matrix) + 1]
 
 
@@ -256,10 +256,10 @@ def _symmetric(matrix: Floats) -> Floats:
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Refuse a filter of components with these names.
+    """Check the names of a filter's sensors.
 
     Raises:
-        BadInput: no sensor at all, or two of one name.
+        BadInput: no sensor at all, or two with the same name.
     """
     if not names:
         raise BadInput("a filter without any sensor estimates nothing: add an imu, a barometer or a range finder")
@@ -269,14 +269,14 @@ def check_names(names: Sequence[str]) -> None:
 
 
 def unobservable(of: ModularFilter, mean: Floats, tolerance: float = 1e-6) -> Floats:
-    """The directions of the state that no measurement ever shows, linearised at a state.
+    """The unobservable directions of the state, linearised at a state.
 
     The null space of H, HF, HF², … with H of all sensors and F over one second.
 
     Args:
         of: the filter.
-        mean: the state, (n,), where H and F are taken; with a ground above 0 the clamp (19) is idle.
-        tolerance: of singular values, relative to the largest.
+        mean: the state (n,) at which H and F are taken; with a ground above 0 the clamp (19) has no effect.
+        tolerance: singular values below this fraction of the largest count as zero.
     Returns:
         An orthonormal basis, (n, number of directions); the largest entry of each is positive.
     """

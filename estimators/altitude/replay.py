@@ -1,4 +1,4 @@
-"""A filter that takes measurements in whatever order they come: a short history that is replayed."""
+"""Out-of-sequence measurements: a filter keeps a short history and replays it from where a late one belongs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Outcome = Literal["in order", "replayed", "repeated", "too old"]
 
 @dataclass(frozen=True, slots=True)
 class Stamped:
-    """A measurement: when it was taken, by what, and its values (m,)."""
+    """A measurement: the time it was taken, its sensor, and its values (m,)."""
 
     time_ns: int
     source: str
@@ -26,21 +26,21 @@ class Stamped:
 
     @property
     def key(self) -> tuple[int, str]:
-        """The order in which measurements are used; there is one of a source at an instant."""
+        """Sort key of measurements; a source has at most one at an instant."""
         return self.time_ns, self.source
 
 
 class Replay(Generic[Belief]):
-    """What is believed after all measurements so far, used in the order of their stamps.
+    """The belief after all measurements so far, used in the order of their time stamps.
 
-    A measurement that comes after later ones is put where it belongs, and the later ones are used again. As long as
-    none is too old, what is believed does not depend on the order in which they came, to the last bit.
+    A late measurement is inserted where it belongs, and the later ones are applied again. As long as none is too old,
+    the belief does not depend on the order of arrival, to the last bit.
 
     Args:
-        start: what is believed at first.
-        start_ns: of what instant that is; what was taken before it comes too late.
-        step: what is believed after a measurement.
-        window_ns: how far back measurements are kept, counted from the newest stamp; what is older comes too late.
+        start: the initial belief.
+        start_ns: its instant; measurements taken before it are too old.
+        step: maps a belief and a measurement to the next belief.
+        window_ns: how long measurements are kept, counted back from the newest stamp; older ones are too old.
     Raises:
         BadInput: a window below 0.
     """
@@ -57,11 +57,11 @@ class Replay(Generic[Belief]):
 
     @property
     def latest(self) -> Belief:
-        """After the measurement with the newest stamp."""
+        """The belief after the measurement with the newest stamp."""
         return self._after[-1] if self._after else self._base
 
     def take(self, measurement: Stamped) -> Outcome:
-        """Use a measurement; what became of it."""
+        """Use a measurement, and return how it was used."""
         if measurement.time_ns < self._from_ns:
             return "too old"
         place = bisect_left(self._kept, measurement.key, key=_key)

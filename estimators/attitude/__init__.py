@@ -1,1 +1,1 @@
-"""Attitude in a network of measurement units, Betanzos 2024: directions from a body, and consensus on quaternions."""
+"""Attitude in a network of measurement units, Betanzos 2024: attitude from directions, and consensus on quaternions."""

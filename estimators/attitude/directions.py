@@ -1,4 +1,4 @@
-"""Attitude from directions known in two frames: their linear constraint, a sequence of projections, least squares.
+"""Attitude from directions known in two frames: the linear constraint, sequential projection, and least squares.
 
 Letters: Q attitude quaternion, b a direction in the frame whose attitude is sought, r the same one in the inertial
 frame, H observation matrix, φ one of its rows, α damping, γ relaxation.
@@ -18,16 +18,16 @@ from ..checks import as_array
 
 Floats = NDArray[np.float64]
 _DETERMINED = 1e-6
-"""Gap between the two smallest eigenvalues of HᵀH, per direction, from which on one attitude fits best.
+"""Least gap between the two smallest eigenvalues of HᵀH, per direction, for which the attitude is determined.
 
-Between two exact directions it is the square of the angle between them, if that is small: they have to be 1 mrad apart.
+For two exact directions the gap is the square of the angle between them, if that is small: it must be 1 mrad.
 """
 
 
 def observation_matrix(observed: ArrayLike, references: ArrayLike) -> Floats:
-    """The matrix H of the constraint H Q = 0 that directions seen in a frame put on its attitude.
+    """The matrix H of the constraint H Q = 0 on the attitude of a frame in which directions were observed.
 
-    Four rows a direction: [0, −(b − r)ᵀ; b − r, −skew(b + r)]            Betanzos 2024, (14), (16)
+    Four rows per direction: [0, −(b − r)ᵀ; b − r, −skew(b + r)]            Betanzos 2024, (14), (16)
 
     Without noise its rank is 2 for one direction and 3 for two that are not parallel.
 
@@ -52,12 +52,12 @@ def learned_quaternion(
     alpha: float = 0.2,
     gamma: float = 1.0,
 ) -> Floats:
-    """The prior, projected onto each constraint in turn (learning quaternion sequence, LQS), at unit norm.
+    """Project the prior onto each constraint in turn, and normalise it (learning quaternion sequence, LQS).
 
     Q ← Q − γ φ (φᵀQ) / (α + φᵀφ) for each row φ of H, then Q / ‖Q‖            Betanzos 2024, (18)–(19)
 
-    The larger α, the less is taken from one sample; above 0 it keeps rows that vanish, as those of b − r all but do
-    near the identity, from being divided by 0. What no direction says is kept from the prior.
+    The larger α, the smaller the correction by one sample. α > 0 also avoids division by zero for rows that vanish, as
+    b − r nearly does near the identity. Components that no direction determines are kept from the prior.
 
     Args:
         prior: unit quaternion, (4,).
@@ -68,8 +68,8 @@ def learned_quaternion(
     Returns:
         Unit quaternion, (4,), with the sign of the prior.
     Raises:
-        BadInput: α or γ out of bounds, α = 0 where a row is zero or there is none, a prior that is not of norm 1,
-            as many observed as reference directions not given, or nothing left of the prior.
+        BadInput: α or γ out of bounds, α = 0 with a zero row or without directions, a prior that is not of norm 1,
+            different numbers of observed and reference directions, or a result of norm 0.
     """
     if not 0.0 <= alpha < math.inf or not 0.0 < gamma < 2.0:
         raise BadInput(f"alpha is {alpha:g} and gamma {gamma:g}: give alpha at least 0 and gamma between 0 and 2")
@@ -88,7 +88,7 @@ def learned_quaternion(
 
 
 def least_squares_attitude(observed: ArrayLike, references: ArrayLike) -> Floats | None:
-    """The attitude that fits all directions best, without a prior.
+    """The attitude that fits all directions best in the least-squares sense, without a prior.
 
     The unit Q that minimises ‖H Q‖², the eigenvector of HᵀH with the smallest eigenvalue. For unit directions ‖H Q‖² is
     the cost of Wahba's problem, so that this is Davenport's solution of it.
@@ -97,7 +97,7 @@ def least_squares_attitude(observed: ArrayLike, references: ArrayLike) -> Floats
         observed: b, shape (m, 3).
         references: r, shape (m, 3).
     Returns:
-        Unit quaternion, (4,), scalar part not below 0; None where the directions leave a turn open, as parallel ones.
+        Unit quaternion, (4,), scalar part ≥ 0; None if the directions, such as parallel ones, do not determine it.
     Raises:
         BadInput: wrong shape or not finite.
     """

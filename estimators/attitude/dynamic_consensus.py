@@ -1,7 +1,7 @@
-"""Dynamic consensus on quaternions: each agent's average follows what it and its neighbours estimate.
+"""Dynamic consensus on quaternions: each agent's average tracks its own estimate and those of its neighbours.
 
 Letters: Q̄ an agent's average, Q̂ its own estimate, 𝒩 its neighbours, κ gain, A adjacency and D degree matrix, L = D − A
-Laplacian. Q and −Q are one attitude: of each neighbour's quaternions the sign nearer to the own average is taken.
+Laplacian. Q and −Q are the same attitude: a neighbour's quaternion is used with the sign nearer to the own average.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ToldAttitude:
-    """What an agent tells its neighbours: its own estimate Q̂ and its average Q̄, unit quaternions (4,)."""
+    """A message to the neighbours: the sender's estimate Q̂ and its average Q̄, unit quaternions (4,)."""
 
     estimate: Floats
     average: Floats
 
 
 def consensus_rate(own: ToldAttitude, received: Mapping[str, ToldAttitude]) -> Floats:
-    """How fast an agent's average changes [1/s], at gain 1.
+    """Rate of change of an agent's average [1/s], at gain 1.
 
     Σ_{l∈𝒩} (Q̄_l − Q̄_i) + Σ_{l∈𝒩} (Q̂_l − Q̄_i) + (Q̂_i − Q̄_i)            Betanzos 2024, (22) with a_ii = 1
 
-    A neighbour that was not heard is left out of both sums, so that its part stays with the own average.
+    A neighbour without a message is left out of both sums.
 
     Args:
-        own: of this agent.
-        received: neighbour → what it told.
+        own: estimate and average of this agent.
+        received: neighbour → its message.
     Returns:
         Shape (4,).
     """
@@ -50,18 +50,18 @@ def consensus_rate(own: ToldAttitude, received: Mapping[str, ToldAttitude]) -> F
 
 
 def consensus_step(own: ToldAttitude, received: Mapping[str, ToldAttitude], step: float) -> Floats:
-    """An agent's average one step later, at unit norm.
+    """An agent's average after one step, normalised.
 
-    Q̄⁺ = (Q̄ + κ dt · rate) / ‖·‖, the rate being `consensus_rate`            Betanzos 2024, (22) by Euler's rule
+    Q̄⁺ = (Q̄ + κ dt · rate) / ‖·‖ with the rate of `consensus_rate`            Betanzos 2024, (22) by Euler's method
 
     Args:
-        own: of this agent.
-        received: neighbour → what it told.
-        step: κ dt, above 0; the averages converge where it is below `largest_step` of the graph.
+        own: estimate and average of this agent.
+        received: neighbour → its message.
+        step: κ dt, above 0; the averages converge if it is below `largest_step` of the graph.
     Returns:
         Unit quaternion, (4,).
     Raises:
-        BadInput: a step that is not above 0, or so large that nothing is left to normalise.
+        BadInput: a step that is not above 0, or a result of norm 0.
     """
     if not step > 0.0:
         raise BadInput(f"step is {step:g}, it must be above 0")
@@ -69,16 +69,16 @@ def consensus_step(own: ToldAttitude, received: Mapping[str, ToldAttitude], step
 
 
 def collective_matrices(adjacency: ArrayLike) -> tuple[Floats, Floats]:
-    """The matrices of all agents' averages together, for each component of the quaternions.
+    """The matrices Ξ and B of the dynamics of all averages, the same for each component of the quaternions.
 
     d/dt Q̄ = −(Ξ ⊗ I₄) Q̄ + (B ⊗ I₄) Q̂, Ξ = I + D + L, B = I + A            Betanzos 2024, (23)
 
     Args:
         adjacency: A, shape (n, n), symmetric, zeros and ones, zero diagonal.
     Returns:
-        Ξ and B, shape (n, n) each. Rows of both have the same sums, so that equal estimates are where they rest.
+        Ξ and B, shape (n, n) each. Their row sums are equal, so that equal estimates are an equilibrium.
     Raises:
-        BadInput: no such matrix.
+        BadInput: not an adjacency matrix.
     """
     A = as_array(adjacency, (None, None), "adjacency")
     if A.shape[0] != A.shape[1] or (A != A.T).any() or A.diagonal().any() or not np.isin(A, (0.0, 1.0)).all():
@@ -90,7 +90,7 @@ def collective_matrices(adjacency: ArrayLike) -> tuple[Floats, Floats]:
 def largest_step(adjacency: ArrayLike) -> float:
     """The step κ dt below which the averages of a graph converge.
 
-    2 / λ_max(Ξ): Euler's rule is stable where |1 − κ dt λ| < 1 for every eigenvalue λ of Ξ, all of which are above 0.
+    2 / λ_max(Ξ): Euler's method is stable if |1 − κ dt λ| < 1 for every eigenvalue λ of Ξ, all of which are positive.
 
     Args:
         adjacency: as for `collective_matrices`.

@@ -1,4 +1,4 @@
-"""Which sensors are to be trusted: those whose readings go on being near what is predicted of them."""
+"""Fault detection of sensors: a sensor is trusted while its readings stay near their predictions."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from dataclasses import dataclass
 from ...errors import BadInput
 
 RETURN = 0.7
-"""A sensor that was put aside is trusted again where its mean square comes below this share of the bound, squared."""
+"""A sensor is trusted again when the root mean square of its residuals falls below this fraction of the bound."""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """How a sensor's residuals were of late: their mean square, forgetting exponentially, and whether it is trusted."""
+    """Exponentially weighted mean square of a sensor's residuals, and whether the sensor is trusted."""
 
     mean_square: float = 0.0
     trusted: bool = True
 
 
 def judged(before: Trust, residual: float, bound: float, share: float) -> Trust:
-    """The trust in a sensor after one more residual.
+    """Update the trust in a sensor with one residual.
 
-    s⁺ = s + share (e² − s); it is lost where s⁺ > bound² and comes back where s⁺ < (0.7 bound)²
+    s⁺ = s + share (e² − s); trust is lost if s⁺ > bound² and regained if s⁺ < (0.7 bound)²
 
-    The gap between the two keeps a sensor at the bound from being put aside and taken back again and again. A residual
-    of many times the bound loses trust at once, one that grows slowly when its root mean square reaches the bound.
+    The hysteresis prevents repeated switching near the bound. A residual of many times the bound loses trust at once, a
+    slowly growing one when its root mean square reaches the bound.
 
     Args:
-        before: as it was.
+        before: the trust before.
         residual: difference e of reading and prediction, in the unit of the bound.
-        bound: the largest root mean square of a sensor that works, above 0.
-        share: weight of the newest residual, above 0 and at most 1: time between two of them over the time to forget.
+        bound: the largest root mean square of a working sensor, above 0.
+        share: weight of the newest residual, in (0, 1]: time between two residuals over the forgetting time.
     Raises:
         BadInput: a bound or share out of its bounds, or a residual that is not finite.
     """

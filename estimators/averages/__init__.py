@@ -1,1 +1,1 @@
-"""Laws of average consensus: what agents tell their neighbours until all know the mean."""
+"""Laws of average consensus: agents exchange messages with their neighbours until all know the mean."""

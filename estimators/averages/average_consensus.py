@@ -1,6 +1,6 @@
-"""The ways to average in a network, by name: which law, and with which weights of the neighbours.
+"""The averaging methods by name: a consensus law and the weights of the neighbours.
 
-Weights and rates that hang on the whole graph are worked out beforehand, as a slot plan is.
+Weights and rates that depend on the whole graph are computed before the run, as a slot plan is.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ _SAFETY = 1e-9
 
 
 def _constant_edge(graph: nx.Graph) -> Weights:
-    """The fastest step that leaves no agent's own state a negative weight: averages of information stay information."""
+    """Constant-edge weights with the step 2 / (λ₂ + λ_n), at most 1 / (largest degree): no own weight is negative.
+
+    Averages of positive semidefinite information matrices then stay positive semidefinite.
+    """
     spectrum = topologies.laplacian_spectrum(graph)
     most = max(degree for _, degree in graph.degree)
     return topologies.constant_edge(graph, float(min(2.0 / (spectrum[1] + spectrum[-1]), 1.0 / most)))
@@ -36,16 +39,17 @@ _WEIGHTS: Mapping[str, Callable[[nx.Graph], Weights]] = {
     "fastest-mixing": topologies.fastest_mixing,
 }
 AVERAGINGS = (*_WEIGHTS, "chebyshev", "gossip", "push-sum", "running-sum", "flow-updating")
-"""All ways to average. Those that are not in LOCAL are worked out from the whole graph."""
+"""All averaging methods. Those not in LOCAL are computed from the whole graph."""
 LOCAL = ("metropolis", "gossip", "push-sum", "running-sum", "flow-updating")
-"""Those for which an agent need know no more than its neighbours' degrees, so that the graph may change."""
+"""Methods for which an agent needs to know only its neighbours' degrees, so that the graph may change."""
 
 
 @dataclass(frozen=True)
 class AverageConsensus:
-    """A way to average, for one agent: `weights` of its neighbours, and the law from a given round on.
+    """One agent's part of an averaging method.
 
-    `law` maps the number of the round with which a consensus begins, the same for all agents, to the law.
+    weights: neighbour → weight.
+    law: maps the number of the first round of a consensus, the same for all agents, to the consensus law.
     """
 
     weights: Mapping[str, float]
@@ -53,14 +57,14 @@ class AverageConsensus:
 
 
 def average_consensus(name: str, graph: nx.Graph, seed: int = 0) -> dict[str, AverageConsensus]:
-    """Agent → its part in this way to average.
+    """Agent → its part of an averaging method.
 
     Args:
         name: one of AVERAGINGS.
-        graph: who is a neighbour of whom.
-        seed: of the draws of gossip.
+        graph: communication graph of the agents.
+        seed: for the random pairs of gossip.
     Raises:
-        BadInput: no such way.
+        BadInput: no such method.
     """
     if name not in AVERAGINGS:
         raise BadInput(f"averaging {name!r} is not known: use {', '.join(AVERAGINGS)}")
@@ -79,11 +83,11 @@ def average_consensus(name: str, graph: nx.Graph, seed: int = 0) -> dict[str, Av
 
 
 def predicted_contraction(parts: Mapping[str, AverageConsensus], graph: nx.Graph) -> float:
-    """Factor by which a round of plain weights shrinks the disagreement in the end; see `topologies.contraction`."""
+    """Asymptotic factor by which a round of weighted averaging reduces disagreement; see `topologies.contraction`."""
     matrix = topologies.weight_matrix(graph, {who: dict(part.weights) for who, part in parts.items()})
     return topologies.contraction(matrix + np.diag(1.0 - matrix.sum(axis=1)))
 
 
 def _chebyshev(graph: nx.Graph, weights: Weights) -> ConsensusLaw[Any]:
-    """On a complete graph one round is the average already, and ρ is 0 to rounding."""
+    """Chebyshev averaging with the ρ of these weights, but above 0, which it is on a complete graph."""
     return chebyshev_law(max(topologies.contraction(topologies.weight_matrix(graph, weights)), _SAFETY))

@@ -1,7 +1,7 @@
-"""Weighted averaging with neighbours: one round on vectors, and the state machine of an agent that does it.
+"""Weighted averaging with neighbours: one round on vectors, and the state machine of one agent.
 
-Averaging keeps the average of all agents only while every message is heard by both ends of an edge or by neither, and
-within the same round. `running_sum` and `flow_updating` do without that.
+The average of all agents is preserved only if, in each round, the two messages of every edge are both received or both
+lost. `running_sum` and `flow_updating` do not need that.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _ROUNDING = 1e-12
 def weighted_average(
     own: NDArray[np.float64], received: Mapping[str, NDArray[np.float64]], weights: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """One round of weighted averaging with the neighbours that were heard.
+    """One round of weighted averaging with the neighbours from which a message was received.
 
-    x⁺ = w_ii x + Σ_j w_ij x_j            Kriegleder 2012, (24)-(25); of state estimates, towards (19)
-    The weight of a neighbour that was not heard stays with the own state, so that the weights still sum to one.
-    Neighbours are summed in natural order: the result does not depend on the order of arrival.
+    x⁺ = w_ii x + Σ_j w_ij x_j            Kriegleder 2012, (24)-(25); for state estimates, towards (19)
+    The weight of a neighbour without a message is added to the own weight, so that the weights still sum to one.
+    Neighbours are summed in natural order, so that the result does not depend on the order of arrival.
 
     Args:
         own: shape (n,).
@@ -61,14 +61,14 @@ def _averaged(
 
 
 def _check_weights(weights: Mapping[str, float]) -> None:
-    """Refuse weights of neighbours that are negative or leave less than nothing to the own state."""
+    """Refuse negative weights, and weights whose sum exceeds one."""
     if min(weights.values(), default=0.0) < 0.0 or sum(weights.values()) > 1.0 + _ROUNDING:
         raise BadInput(f"weights {dict(weights)} must each be at least 0 and sum to at most 1: use Metropolis weights")
 
 
 @dataclass(frozen=True, eq=False)
 class Averaging:
-    """State of weighted averaging: the own input, the present value, and what was heard since the last round."""
+    """State of weighted averaging: own input, present value, weights, and messages received since the last round."""
 
     source: NDArray[np.float64]
     value: NDArray[np.float64]
@@ -77,7 +77,7 @@ class Averaging:
 
 
 def averaging_start(value: ArrayLike, weights: Mapping[str, float]) -> Averaging:
-    """Begin with the own value, shape (n,), and the weight w_ij of each neighbour, Kriegleder 2012, (26)-(27).
+    """Start with the own value, shape (n,), and the weight w_ij of each neighbour, Kriegleder 2012, (26)-(27).
 
     Raises:
         BadInput: a bad weight; wrong shape or not finite.
@@ -88,7 +88,7 @@ def averaging_start(value: ArrayLike, weights: Mapping[str, float]) -> Averaging
 
 
 def averaging_message(state: Averaging, to: str) -> NDArray[np.float64]:
-    """What to send to a neighbour: the present value, shape (n,), the same for all.
+    """Message to a neighbour: the present value, shape (n,), the same for all.
 
     Raises:
         BadInput: `to` is not a neighbour.
@@ -98,7 +98,7 @@ def averaging_message(state: Averaging, to: str) -> NDArray[np.float64]:
 
 
 def averaging_receive(state: Averaging, sender: str, vector: ArrayLike) -> Averaging:
-    """Note a neighbour's value, shape (n,), for the next round; a later one replaces it.
+    """Store a neighbour's value, shape (n,), for the next round; a later one replaces it.
 
     Raises:
         BadInput: `sender` is not a neighbour; wrong shape or not finite.
@@ -109,12 +109,12 @@ def averaging_receive(state: Averaging, sender: str, vector: ArrayLike) -> Avera
 
 
 def averaging_round(state: Averaging) -> Averaging:
-    """Average with what was heard since the last round; each message is used once."""
+    """Average with the messages received since the last round; each is used once."""
     return Averaging(state.source, _averaged(state.value, state.heard, state.weights), state.weights, {})
 
 
 def averaging_hear(state: Averaging, received: Mapping[str, NDArray[np.float64]]) -> Averaging:
-    """Receive a message of each of some neighbours, and end the round: the same as one after the other, in less time.
+    """Receive one message from each of some neighbours, then do the round: `averaging_receive` and `_round` in one.
 
     Raises:
         BadInput: as `averaging_receive`.
@@ -132,12 +132,12 @@ def averaging_hear(state: Averaging, received: Mapping[str, NDArray[np.float64]]
 
 
 def averaging_value(state: Averaging) -> NDArray[np.float64]:
-    """The estimate of the average, shape (n,), as of the last round."""
+    """Estimate of the average after the last round, shape (n,)."""
     return state.value
 
 
 def averaging_update(state: Averaging, value: ArrayLike) -> Averaging:
-    """Replace the own input: the value moves by the difference, so that the average of all follows.
+    """Replace the own input: the value changes by the difference, so that the average of all agents follows.
 
     Raises:
         BadInput: wrong shape or not finite.

@@ -1,12 +1,12 @@
-"""Averaging accelerated by Chebyshev polynomials: what a round takes from the round before it, it need not do again.
+"""Averaging accelerated by Chebyshev polynomials: each round combines the results of the last two rounds.
 
 Golub and Varga 1961, the Chebyshev semi-iterative method; for average consensus Montijano, Montijano and Sagüés 2013.
 With W symmetric weights that keep the average, whose other eigenvalues lie within [−ρ, ρ]:
 
     x(k+1) = ω(k+1) (W x(k) − x(k−1)) + x(k−1),    ω(1) = 1,  ω(2) = 2 / (2 − ρ²),  ω(k+1) = 4 / (4 − ρ² ω(k))
 
-After k rounds the disagreement is at most 1 / T_k(1/ρ) of what it was, T_k being the Chebyshev polynomial, where plain
-averaging has ρᵏ. Each round counts on the one before: a lost message does more harm than in plain averaging.
+After k rounds the disagreement has shrunk at least by the factor 1 / T_k(1/ρ), T_k being the Chebyshev polynomial;
+plain averaging has ρᵏ. Each round relies on the one before: a lost message does more harm than in plain averaging.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .laws import ConsensusLaw
 
 @dataclass(frozen=True, eq=False)
 class Chebyshev:
-    """State of one agent: averaging as it stands, the value of the round before, and ω of the next round."""
+    """State of one agent: that of weighted averaging, the value of the previous round, and ω of the next round."""
 
     averaging: Averaging
     before: NDArray[np.float64]
@@ -33,10 +33,10 @@ class Chebyshev:
 
 
 def chebyshev_law(contraction: float) -> ConsensusLaw[Chebyshev]:
-    """The law for weights of this essential spectral radius ρ, in (0, 1).
+    """The consensus law for weights with the essential spectral radius ρ, in (0, 1).
 
     Raises:
-        BadInput: ρ out of its bounds.
+        BadInput: ρ is out of bounds.
     """
     _check(contraction)
 
@@ -63,7 +63,7 @@ def chebyshev_law(contraction: float) -> ConsensusLaw[Chebyshev]:
 
 
 def _update(state: Chebyshev, value: ArrayLike) -> Chebyshev:
-    """Replace the own input: both rounds move by the difference, so that the average of all follows."""
+    """Replace the own input: the values of both rounds change by the difference, so that the average follows."""
     old = state.averaging
     source = as_array(value, old.source.shape, "value")
     change = source - old.source

@@ -1,10 +1,11 @@
-"""Flow updating: keeps the average under lost, late and repeated messages, because what it exchanges heals itself.
+"""Flow updating: preserves the average under lost, late and repeated messages.
 
-Jesus, Baquero and Almeida 2009, "Fault-tolerant aggregation by flow updating". No agent ever changes its input. It
-keeps the flow that went to each neighbour; its estimate is the input less all flows. A message says the sender's flow,
-and the receiver takes the opposite for its own: whatever was lost, one message each way makes the two ends of an edge
-agree again, and with flows that agree the sum of all estimates is the sum of all inputs. Flows stay bounded, so that an
-encoding error of the messages (2⁻²⁵ of a flow with float32) bounds the error of the average and does not grow.
+Jesus, Baquero and Almeida 2009, "Fault-tolerant aggregation by flow updating". An agent never changes its input. It
+keeps the total flow to each neighbour; its estimate is the input minus all flows. A message contains the sender's flow,
+and the receiver sets its own flow to the opposite: whatever was lost, one message each way makes the two ends of an
+edge consistent again, and with consistent flows the sum of all estimates is the sum of all inputs. Flows stay bounded,
+so that an encoding error of the messages (2⁻²⁵ of a flow with float32) bounds the error of the average and does not
+grow.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from ..checks import as_array, check_neighbour
 class FlowUpdating:
     """State of one agent; all vectors have shape (n,).
 
-    `source` is the own input, `average` the estimate as of the last round, `flows` what went to each neighbour,
-    `estimates` what each neighbour is believed to hold.
+    `source` is the own input, `average` the estimate after the last round, `flows` the total flow to each neighbour,
+    `estimates` the last known estimate of each neighbour.
     """
 
     source: NDArray[np.float64]
@@ -34,7 +35,7 @@ class FlowUpdating:
 
 
 def flow_updating_start(value: ArrayLike, neighbours: Collection[str]) -> FlowUpdating:
-    """Begin with the own value, shape (n,), without flows, and believe that all neighbours hold the same.
+    """Start with the own value, shape (n,), zero flows, and the own value as the estimate of all neighbours.
 
     Raises:
         BadInput: wrong shape or not finite.
@@ -45,7 +46,7 @@ def flow_updating_start(value: ArrayLike, neighbours: Collection[str]) -> FlowUp
 
 
 def flow_updating_message(state: FlowUpdating, to: str) -> NDArray[np.float64]:
-    """What to send to a neighbour: the flow to it, then the own estimate, shape (2 n,).
+    """Message to a neighbour: the flow to it, then the own estimate, shape (2 n,).
 
     Raises:
         BadInput: `to` is not a neighbour.
@@ -55,7 +56,7 @@ def flow_updating_message(state: FlowUpdating, to: str) -> NDArray[np.float64]:
 
 
 def flow_updating_receive(state: FlowUpdating, sender: str, vector: ArrayLike) -> FlowUpdating:
-    """Take the opposite of a neighbour's flow for the own one, and note its estimate; shape (2 n,).
+    """Set the own flow to the opposite of a neighbour's, and store its estimate; shape (2 n,).
 
     Raises:
         BadInput: `sender` is not a neighbour; wrong shape or not finite.
@@ -71,7 +72,7 @@ def flow_updating_receive(state: FlowUpdating, sender: str, vector: ArrayLike) -
 
 
 def flow_updating_round(state: FlowUpdating) -> FlowUpdating:
-    """Average the own estimate with those of the neighbours, and set the flows that bring all of them there."""
+    """Average the own estimate with those of the neighbours, and change the flows so that all reach this average."""
     own = state.source - np.sum(list(state.flows.values()), axis=0)
     average = (own + np.sum(list(state.estimates.values()), axis=0)) / (len(state.flows) + 1)
     flows = {name: flow + (average - state.estimates[name]) for name, flow in state.flows.items()}
@@ -79,12 +80,12 @@ def flow_updating_round(state: FlowUpdating) -> FlowUpdating:
 
 
 def flow_updating_value(state: FlowUpdating) -> NDArray[np.float64]:
-    """The estimate of the average, shape (n,), as of the last round."""
+    """Estimate of the average after the last round, shape (n,)."""
     return state.average
 
 
 def flow_updating_update(state: FlowUpdating, value: ArrayLike) -> FlowUpdating:
-    """Replace the own input, shape (n,), from the next round on: flows stay, so that the average of all follows.
+    """Replace the own input, shape (n,), from the next round on; flows stay, so that the average follows.
 
     Raises:
         BadInput: wrong shape or not finite.

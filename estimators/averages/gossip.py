@@ -1,10 +1,10 @@
-"""Gossip: in each round an agent talks to one neighbour at most, and the two take the mean of their values.
+"""Gossip: in each round an agent exchanges values with at most one neighbour, and both take the mean.
 
 Boyd, Ghosh, Prabhakar and Shah 2006, "Randomized gossip algorithms", with several disjoint pairs in one round: every
-edge has a draw in every round, which both of its ends know. An agent chooses the edge with the largest draw among its
-own and tells that neighbour its value; where both have chosen the same edge, both hear the other and take the mean. A
-message from one that was not chosen is passed over. The average is kept while messages get lost in both directions or
-in neither.
+edge has a random number in every round, which both of its ends know. An agent chooses the edge with the largest number
+among its own and sends its value to that neighbour; if both choose the same edge, both take the mean. A message from
+another neighbour is ignored. The average is preserved if the messages of an edge are lost in both directions or in
+neither.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HALF = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Gossip:
-    """State of one agent: averaging with the one neighbour that it has chosen for this round, whose number is kept."""
+    """State of one agent: averaging with the neighbour chosen for this round, and the number of the round."""
 
     averaging: Averaging
     neighbours: tuple[str, ...]
@@ -35,9 +35,9 @@ class Gossip:
 
 
 def gossip_law(name: str, seed: int, first_round: int = 0) -> ConsensusLaw[Gossip]:
-    """The law for the agent of this name; draws follow from the seed, the edge and the number of the round.
+    """The consensus law for the agent of this name; random numbers depend on seed, edge and number of the round.
 
-    Agents that begin together begin with the same `first_round`.
+    Agents that start together use the same `first_round`.
     """
 
     def chosen(neighbours: tuple[str, ...], number: int) -> str | None:

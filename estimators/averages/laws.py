@@ -1,7 +1,7 @@
-"""The laws of average consensus behind one interface, so that an agent can run any of them.
+"""Common interface of the laws of average consensus, so that an agent can run any of them.
 
-An agent starts a law, then repeats: send each neighbour its message, hand in what was received, do a round, read the
-value. Rounds need not be synchronous, and messages may be missing.
+An agent starts a law, then repeats: send each neighbour its message, pass on the received messages, do a round, read
+the value. Rounds need not be synchronous, and messages may be missing.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ State = TypeVar("State")
 class ConsensusLaw(Generic[State]):
     """The functions of one law; `start` takes the own value, shape (n,), and neighbour → w_ij.
 
-    `message_size` maps n to the length of a message; laws that split evenly read the names of the neighbours only.
-    A message is None where this round has none for that neighbour. `plain`: a message is a value like those that are
-    averaged and belongs to no sequence, so that a late one can be brought up to date and used. `at_once`: a faster way
-    to receive and do a round, where there is one.
+    Laws that split evenly use only the names of the neighbours. `message` returns None if this round has no message for
+    that neighbour. `message_size` maps n to the length of a message. `plain`: a message is a value to be averaged, not
+    part of a sequence, so that a late one can be propagated to now and used. `at_once`: a faster function, if there is
+    one, that receives messages and does a round.
     """
 
     start: Callable[[ArrayLike, Mapping[str, float]], State]
@@ -73,7 +73,7 @@ class ConsensusLaw(Generic[State]):
     at_once: Callable[[State, Mapping[str, NDArray[np.float64]]], State] | None = None
 
     def hear(self, state: State, received: Mapping[str, NDArray[np.float64]]) -> State:
-        """Receive a message of each of some neighbours, and do a round."""
+        """Receive one message from each of some neighbours, and do a round."""
         if self.at_once is not None:
             return self.at_once(state, received)
         for name in sorted(received, key=natural_key):

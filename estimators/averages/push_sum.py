@@ -1,9 +1,8 @@
-"""Push-sum: averaging by mass that is handed on, on one-way links too; what a lost message carried is gone.
+"""Push-sum: averaging by passing on mass, also on one-way links; the mass in a lost message is lost.
 
-Kempe, Dobra and Gehrke 2003, "Gossip-based computation of aggregate information", protocol Push-Sum, with even shares
-for the own agent and all neighbours in the place of one random receiver. The estimate is mass over weight. Sums of mass
-and weight are kept only while every message arrives, once: a lost one takes its mass along, and `running_sum` mends
-just that.
+Kempe, Dobra and Gehrke 2003, "Gossip-based computation of aggregate information", protocol Push-Sum, with equal shares
+for the own agent and all neighbours instead of one random receiver. The estimate is mass divided by weight. The sums of
+mass and weight are preserved only if every message arrives exactly once; `running_sum` removes this restriction.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from ..checks import as_array, check_neighbour
 
 @dataclass(frozen=True, eq=False)
 class PushSum:
-    """State of one agent; vectors but `source` hold n values and the weight, shape (n + 1,).
+    """State of one agent; vectors except `source` contain n values and the weight, shape (n + 1,).
 
-    `source` is the own input, `share` what the agent keeps and gives each neighbour in this round, `heard` what each
-    neighbour has given since the last round.
+    `source` is the own input, `share` the mass that the agent keeps and sends to each neighbour in this round, `heard`
+    the sum received from each neighbour since the last round.
     """
 
     source: NDArray[np.float64]
@@ -32,7 +31,7 @@ class PushSum:
 
 
 def push_sum_start(value: ArrayLike, neighbours: Collection[str]) -> PushSum:
-    """Begin with the own value, shape (n,), and weight one, split evenly.
+    """Start with the own value, shape (n,), and weight one, split evenly.
 
     Raises:
         BadInput: wrong shape or not finite.
@@ -44,7 +43,7 @@ def push_sum_start(value: ArrayLike, neighbours: Collection[str]) -> PushSum:
 
 
 def push_sum_message(state: PushSum, to: str) -> NDArray[np.float64]:
-    """What to send to a neighbour: its share, shape (n + 1,), the same for all.
+    """Message to a neighbour: its share, shape (n + 1,), the same for all.
 
     Raises:
         BadInput: `to` is not a neighbour.
@@ -54,7 +53,7 @@ def push_sum_message(state: PushSum, to: str) -> NDArray[np.float64]:
 
 
 def push_sum_receive(state: PushSum, sender: str, vector: ArrayLike) -> PushSum:
-    """Take a neighbour's share, shape (n + 1,); whatever comes until the next round adds up.
+    """Add a neighbour's share, shape (n + 1,), to what was received from it since the last round.
 
     Raises:
         BadInput: `sender` is not a neighbour; wrong shape or not finite.
@@ -65,9 +64,9 @@ def push_sum_receive(state: PushSum, sender: str, vector: ArrayLike) -> PushSum:
 
 
 def push_sum_round(state: PushSum) -> PushSum:
-    """Split what was kept and what was given anew.
+    """Add the received mass to the own one, and split the sum.
 
-    Of an agent that hears nothing mass and weight shrink alike, and the ratio stays, for some hundred rounds.
+    If an agent receives nothing, mass and weight shrink equally and their ratio stays, for some hundred rounds.
     """
     given = np.sum([state.share, *state.heard.values()], axis=0)
     share = given / (len(state.heard) + 1)
@@ -75,13 +74,13 @@ def push_sum_round(state: PushSum) -> PushSum:
 
 
 def push_sum_value(state: PushSum) -> NDArray[np.float64]:
-    """The estimate of the average, shape (n,), as of the last round."""
+    """Estimate of the average after the last round, shape (n,)."""
     value: NDArray[np.float64] = state.share[:-1] / state.share[-1]
     return value
 
 
 def push_sum_update(state: PushSum, value: ArrayLike) -> PushSum:
-    """Replace the own input, shape (n,): the mass moves by the difference, so that the average of all follows.
+    """Replace the own input, shape (n,): the mass changes by the difference, so that the average follows.
 
     Raises:
         BadInput: wrong shape or not finite.

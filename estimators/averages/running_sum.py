@@ -1,14 +1,14 @@
-"""Running-sum ratio consensus: keeps the average under lost, late and repeated messages, on one-way links too.
+"""Running-sum ratio consensus: preserves the average under lost, late and repeated messages, also on one-way links.
 
 Hadjicostis, Vaidya and Domínguez-García 2016, "Robust distributed average consensus via exchange of running sums".
-Every agent holds mass: its share of the sum of all values, and a weight that began as one. In each round it splits its
-mass evenly among itself and its neighbours, and broadcasts the running total of all that it has ever given to each. A
-receiver takes the difference to the last total that it heard, so that the next message makes up for a lost one. The
-estimate is mass over weight.
+Every agent holds mass: its share of the sum of all values, and a weight, initially one. In each round it splits its
+mass evenly among itself and its neighbours, and broadcasts the running total of the mass sent to each so far. A
+receiver adds the difference to the last total received, so that the next message makes up for a lost one. The estimate
+is mass divided by weight.
 
-Totals grow with the number of rounds. What a receiver has taken is always the last total as it was encoded, so that
-encoding errors do not add up, but one error is half a unit in the last place of the total: after k rounds about
-k · 2⁻²⁵ of a value with float32 messages, k · 2⁻⁵⁴ with float64. Begin anew with each sample, or send float64.
+Totals grow with the number of rounds. A receiver keeps the last total as it was encoded, so that encoding errors do not
+add up, but one error is half a unit in the last place of the total: after k rounds about k · 2⁻²⁵ of a value with
+float32 messages, k · 2⁻⁵⁴ with float64. Restart with each sample, or send float64.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from ..checks import as_array, check_neighbour
 
 @dataclass(frozen=True, eq=False)
 class RunningSum:
-    """State of one agent; all vectors but `source` hold n values and the weight, shape (n + 1,).
+    """State of one agent; vectors except `source` contain n values and the weight, shape (n + 1,).
 
-    `source` is the own input, `mass` what the agent holds, `given` the running total that each neighbour was given,
-    `heard` the latest total of each neighbour, `taken` how much of it is in the mass already.
+    `source` is the own input, `mass` the agent's mass, `given` the running total sent to each neighbour, `heard` the
+    latest total received from each neighbour, `taken` the part of it that the mass already contains.
     """
 
     source: NDArray[np.float64]
@@ -39,7 +39,7 @@ class RunningSum:
 
 
 def running_sum_start(value: ArrayLike, neighbours: Collection[str]) -> RunningSum:
-    """Begin with the own value, shape (n,), and give every neighbour its first share.
+    """Start with the own value, shape (n,), and split off the first share of every neighbour.
 
     Raises:
         BadInput: wrong shape or not finite.
@@ -51,7 +51,7 @@ def running_sum_start(value: ArrayLike, neighbours: Collection[str]) -> RunningS
 
 
 def running_sum_message(state: RunningSum, to: str) -> NDArray[np.float64]:
-    """What to send to a neighbour: the running total, shape (n + 1,), the same for all.
+    """Message to a neighbour: the running total, shape (n + 1,), the same for all.
 
     Raises:
         BadInput: `to` is not a neighbour.
@@ -61,10 +61,10 @@ def running_sum_message(state: RunningSum, to: str) -> NDArray[np.float64]:
 
 
 def running_sum_receive(state: RunningSum, sender: str, vector: ArrayLike) -> RunningSum:
-    """Note a neighbour's running total, shape (n + 1,), for the next round.
+    """Store a neighbour's running total, shape (n + 1,), for the next round.
 
-    The total of the weight only grows, so that a message whose weight is not above the last one is a late or repeated
-    one, and is passed over.
+    The total of the weight only grows: a message whose weight is not above the last one is late or repeated, and is
+    ignored.
 
     Raises:
         BadInput: `sender` is not a neighbour; wrong shape or not finite.
@@ -77,9 +77,9 @@ def running_sum_receive(state: RunningSum, sender: str, vector: ArrayLike) -> Ru
 
 
 def running_sum_round(state: RunningSum) -> RunningSum:
-    """Take what the neighbours have given since the last round, and split the mass anew.
+    """Add the mass received since the last round, and split the sum.
 
-    An agent that was given nothing keeps its mass: one that is cut off would else give all of it away.
+    If nothing was received the agent keeps its mass: when cut off, it would otherwise lose all of it.
     """
     news = np.zeros_like(state.mass)
     for name, total in state.heard.items():
@@ -90,13 +90,13 @@ def running_sum_round(state: RunningSum) -> RunningSum:
 
 
 def running_sum_value(state: RunningSum) -> NDArray[np.float64]:
-    """The estimate of the average, shape (n,), as of the last round."""
+    """Estimate of the average after the last round, shape (n,)."""
     value: NDArray[np.float64] = state.mass[:-1] / state.mass[-1]
     return value
 
 
 def running_sum_update(state: RunningSum, value: ArrayLike) -> RunningSum:
-    """Replace the own input, shape (n,): the mass moves by the difference, so that the average of all follows.
+    """Replace the own input, shape (n,): the mass changes by the difference, so that the average follows.
 
     Raises:
         BadInput: wrong shape or not finite.

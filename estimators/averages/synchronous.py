@@ -1,4 +1,4 @@
-"""Average consensus in synchronous rounds, all agents in one place: a way to average apart from any filter."""
+"""Average consensus in synchronous rounds, all agents in one process and without a network."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ...topologies import agents
 from .average_consensus import AverageConsensus
 
 Lost = Callable[[str, str, int], bool]
-"""Whether the message from one agent to another in a round, from 0, does not come."""
+"""Whether the message (source, target, number of the round from 0) is lost."""
 
 
 def nothing_lost(_source: str, _target: str, _number: int) -> bool:
-    """Every message comes."""
+    """No message is lost."""
     return False
 
 
@@ -27,13 +27,13 @@ def synchronous_rounds(
     values: Mapping[str, ArrayLike],
     lost: Lost = nothing_lost,
 ) -> Iterator[dict[str, NDArray[np.float64]]]:
-    """What each agent holds, shape (n,), after each round, without end.
+    """Yield agent → estimate of the average, shape (n,), after each round, without end.
 
     Args:
         parts: agent → its part, from `average_consensus`.
-        graph: who is a neighbour of whom.
-        values: agent → what it begins with, shape (n,).
-        lost: which messages do not come.
+        graph: communication graph of the agents.
+        values: agent → initial value, shape (n,).
+        lost: whether a message is lost, by source, target and number of the round.
     """
     names = agents(graph)
     laws = {who: parts[who].law(0) for who in names}

@@ -1,1 +1,1 @@
-"""Distributed Kalman filters: beliefs about a state that moves, fused in rounds of messages."""
+"""Distributed Kalman filters: beliefs about a dynamic state, fused in rounds of messages."""

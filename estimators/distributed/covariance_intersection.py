@@ -1,4 +1,4 @@
-"""Covariance intersection: two beliefs joined without knowing how far they rest on the same facts.
+"""Covariance intersection: fusion of two beliefs with unknown correlation.
 
 Julier and Uhlmann 1997, "A non-divergent estimation algorithm in the presence of unknown correlations". Letters: (Ω, q)
 information pair of a belief; ω weight of the first, in [0, 1].
@@ -16,15 +16,15 @@ from .filtering import Filter, Moment, Vector
 from .gaussian import Gaussian, added, gaussian, information, scaled
 
 _HALVINGS = 40
-"""Of the interval of ω: to 2⁻⁴⁰."""
+"""Steps of the bisection for ω, which is exact to 2⁻⁴⁰."""
 
 
 def intersection(first: InformationPair, second: InformationPair) -> InformationPair:
     """The convex combination of two beliefs with the smallest determinant of its covariance.
 
     Ω = ω Ω₁ + (1 − ω) Ω₂,  q likewise            Julier and Uhlmann 1997
-    log det Ω is concave in ω. With λ the eigenvalues of Ω₁ against Ω₂ its slope is Σ (λ − 1) / (1 + ω (λ − 1)), whose
-    zero is found by halving; where there is none inside, one belief is better in every direction and stays alone.
+    log det Ω is concave in ω. With λ the generalised eigenvalues of (Ω₁, Ω₂) its slope is Σ (λ − 1) / (1 + ω (λ − 1)),
+    whose zero is found by bisection; if there is none in (0, 1), the better of the two beliefs is returned.
 
     Args:
         first: positive definite.
@@ -53,10 +53,10 @@ def _best(excess: Vector) -> float:
 
 
 class CovarianceIntersection(Filter):
-    """Correct with the own measurement, then in each round join the belief of one neighbour after the other.
+    """Correct with the own measurement, then in each round fuse the beliefs of the neighbours one after the other.
 
     Julier and Uhlmann 1997; in natural order of the neighbours. A message is a packed pair. Never overconfident,
-    whatever is lost, late or heard twice.
+    whatever is lost, late or duplicated.
     """
 
     def begin(self, moment: Moment) -> None:
@@ -65,20 +65,20 @@ class CovarianceIntersection(Filter):
         self._pair = added([information(self.belief), self.measured()])
 
     def message(self, target: str) -> Vector:
-        """The belief."""
+        """The belief as a packed pair."""
         return pack_pair(self._pair)
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
-        """The old belief, run forward."""
+        """Propagate the old belief."""
         return self.ahead(message, samples)
 
     def hear(self, received: Mapping[str, Vector]) -> None:
-        """Join one belief after the other."""
+        """Fuse the received beliefs one after the other."""
         for name in sorted(received, key=natural_key):
             self._pair = intersection(self._pair, unpack_pair(received[name]))
 
     def end(self) -> Gaussian:
-        """The belief that was joined."""
+        """The fused belief."""
         result = gaussian(self._pair)
         assert result is not None, "a convex combination of positive definite matrices"
         self.belief = result

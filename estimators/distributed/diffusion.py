@@ -1,12 +1,12 @@
 """The diffusion Kalman filter: add the neighbours' measurements, then average the neighbours' estimates.
 
 Cattivelli and Sayed 2010, "Diffusion strategies for distributed Kalman filtering and smoothing", Algorithm 2, with the
-incremental update over the neighbourhood 𝒩_i (the own agent among it) written in information form:
+incremental update over the neighbourhood 𝒩_i (which includes the own agent) in information form:
 
     P_i⁻¹ ← P_i⁻¹ + Σ_{j ∈ 𝒩_i} H_jᵀ R_j⁻¹ H_j,  ψ_i ← x̂_i + P_i Σ_{j ∈ 𝒩_i} H_jᵀ R_j⁻¹ (z_j − H_j x̂_i)
     x̂_i ← Σ_{j ∈ 𝒩_i} c_ij ψ_j,  Σ_j c_ij = 1
 
-The covariance stays P_i: it is that of ψ_i, not of the average, as the paper says itself.
+The covariance stays P_i: it is that of ψ_i, not of the average, as the paper states.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from .gaussian import Gaussian, corrected, moved
 
 
 class DiffusionFilter(Filter):
-    """In the first round measurements are exchanged, in the others estimates; if there is one round only, estimates.
+    """The first round exchanges measurements, the others exchange estimates; with a single round, estimates only.
 
     A message is a packed information pair, n (n + 3) / 2 numbers, or an estimate, n numbers. c_ij are the weights of
-    the sample; that of a neighbour that was not heard stays with the own estimate.
+    the sample; that of a neighbour without a message is added to the own weight.
     """
 
     def begin(self, moment: Moment) -> None:
@@ -34,18 +34,18 @@ class DiffusionFilter(Filter):
         self._measured = pack_pair(own) if self.place.rounds > 1 else None
 
     def message(self, target: str) -> Vector:
-        """The measurement at first, then the estimate."""
+        """The measurement in the first round, then the estimate."""
         return self.belief.mean if self._measured is None else self._measured
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
-        """Both kinds are run forward by the model."""
+        """Propagate a message of either kind by the model."""
         steps = self.moment.steps
         if len(message) != self.dimension:
             return self.ahead(message, samples)
         return moved(message, steps[len(steps) - samples :]) if samples <= len(steps) else None
 
     def hear(self, received: Mapping[str, Vector]) -> None:
-        """Add measurements, and average estimates; a message that is a round late is of the other kind."""
+        """Add measurements, and average estimates; the length of a message tells its kind."""
         self._measured = None
         estimates = {name: vector for name, vector in received.items() if len(vector) == self.dimension}
         pairs = [unpack_pair(received[name]) for name in sorted(received) if name not in estimates]

@@ -1,14 +1,14 @@
-"""Consensus on information that is told only when it has changed.
+"""Event-triggered consensus on information: agents send their belief only when it has changed.
 
 Battistelli, Chisci and Selvi 2018, "A distributed Kalman filter with event-triggered communication and guaranteed
-stability". Letters: (Ω, q) the own belief as information, x̂ its mean; (Ω̄, q̄) what was told last, run forward to now by
-the model, x̄ its mean. An agent keeps silent while
+stability". Letters: (Ω, q) the own belief in information form, x̂ its mean; (Ω̄, q̄) the belief sent last, propagated to
+now by the model, x̄ its mean. An agent does not send while
 
     (x̂ − x̄)ᵀ Ω (x̂ − x̄) ≤ α   and   Ω ≼ (1 + β) Ω̄   and   Ω̄ ≼ (1 + δ) Ω            (10)
 
-A neighbour that says nothing is averaged with what it said last, run forward. That is a belief about the state, however
-old it is, and an average of beliefs is not overconfident: so silence needs no inflation here, and a lost message, which
-nobody can tell from silence, does no harm but that its news comes later.
+For a neighbour without a message the average uses its last message, propagated to now. That is a valid belief about
+the state, however old, and an average of beliefs is not overconfident: no inflation is needed, and a lost message,
+which the receiver cannot distinguish from no message, only delays information.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class EventTriggered(Filter):
     Args:
         place: where it runs.
         prior: at its first sample.
-        alpha: α, of n components of the state.
-        beta: β, relative.
-        delta: δ, relative.
+        alpha: α, bound of the squared Mahalanobis distance of the means.
+        beta: β, relative growth of information.
+        delta: δ, relative loss of information.
     Raises:
         BadInput: a threshold below 0.
     """
@@ -49,7 +49,7 @@ class EventTriggered(Filter):
         self._known: dict[str, Vector] = {}
 
     def begin(self, moment: Moment) -> None:
-        """Predict, correct, and run forward what was told and heard."""
+        """Predict, correct, and propagate the messages sent and received last."""
         super().begin(moment)
         self._pair = pack_pair(added([information(self.belief), self.measured()]))
         if self._told is not None:
@@ -63,24 +63,24 @@ class EventTriggered(Filter):
         return self._told if self._news else None
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
-        """The old belief, run forward."""
+        """Propagate the old belief."""
         return self.ahead(message, samples)
 
     def hear(self, received: Mapping[str, Vector]) -> None:
-        """Average with what each neighbour said last."""
+        """Average with the last message of each neighbour."""
         self._known.update(received)
         self._pair = weighted_average(self._pair, self._known, self.moment.weights)
         self._decide()
 
     def end(self) -> Gaussian:
-        """The average is the belief."""
+        """Take the average as the belief."""
         result = gaussian(unpack_pair(self._pair))
         assert result is not None, "a convex combination of positive definite matrices"
         self.belief = result
         return result
 
     def _decide(self) -> None:
-        """Whether to tell the belief in the round that begins; if so it counts as told."""
+        """Decide whether to send the belief in the next round; if so, remember it as sent."""
         self._news = self._told is None or self._departs(unpack_pair(self._pair), unpack_pair(self._told))
         if self._news:
             self._told = self._pair

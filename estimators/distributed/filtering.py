@@ -1,12 +1,13 @@
-"""What a distributed filter is: in each sample it begins, exchanges messages in rounds, and ends with a belief.
+"""Base class of distributed filters.
 
-    begin(moment)                     a sample: the model's step to it, the own measurement, the neighbours
-    message(j) → vector, hear(…)      as often as there are rounds
+For each sample its methods are called in this order:
+
+    begin(moment)                     starts a sample: the model's step to it, the own measurement, the neighbours
+    message(j) → vector, hear(…)      once per round
     end() → Gaussian                  the belief about the state at this sample
 
-A filter is pure: it knows its place and what it is told. Who carries messages, and which of them arrive, is no business
-of it. A message that comes samples too late was right about an earlier state: `forward` makes of it what it is worth
-now, or says that it is worth nothing.
+A filter is a pure state machine: it does not know how messages are transported or which of them arrive. A message that
+arrives some samples late concerns an earlier state: `forward` propagates it to the present sample, or rejects it.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Place:
-    """What a filter knows of the network from the beginning.
+    """What a filter knows of the network from the start.
 
-    name: of its agent. agents: all of them, in natural order. rounds: of messages in each sample. law: the law of
-    average consensus to use, by the number of the round with which a consensus begins.
+    name: the name of its agent. agents: names of all agents, in natural order. rounds: rounds of messages per sample.
+    law: maps the number of the first round of a consensus to the law of average consensus to use.
     """
 
     name: str
@@ -48,9 +49,9 @@ class Place:
 class Moment:
     """A sample as one agent sees it.
 
-    sample: its index. measurement: the own one, None where the agent sees nothing. steps: those of the model that led
-    here, the newest last, as many as are remembered; none at the first sample. weights: neighbour → w_ij, of those that
-    it may talk to in this sample.
+    sample: its index. measurement: the own measurement, or None. steps: the last steps of the model up to this sample,
+    newest last, as many as are kept; none at the first sample. weights: neighbour → w_ij, of the neighbours in this
+    sample.
     """
 
     sample: int
@@ -60,10 +61,10 @@ class Moment:
 
 
 class Filter:
-    """Base of all filters: it predicts, talks to nobody, and corrects with nothing. Override what you need.
+    """Base of all filters: it only predicts, without messages and corrections. Override what you need.
 
     Args:
-        place: where it runs.
+        place: the filter's place in the network.
         prior: the belief about the state at its first sample.
     """
 
@@ -80,33 +81,33 @@ class Filter:
         self._begun = True
 
     def message(self, target: str) -> Vector | None:
-        """What to tell a neighbour in this round; None for nothing."""
+        """Message to a neighbour in this round, or None."""
         return None
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
-        """What a message that comes so many samples late is worth now, as if it were of this sample; None: nothing."""
+        """Propagate a message that is this many samples late to the present sample; None if it cannot be used."""
         return None
 
     def hear(self, received: Mapping[str, Vector]) -> None:
-        """End a round with what the neighbours told; of each the newest, and each message once."""
+        """End a round with the received messages: the newest of each neighbour, and each message once."""
 
     def end(self) -> Gaussian:
-        """End the sample: `belief` is what is believed of its state now."""
+        """End the sample, and return the belief about its state, which `belief` then is."""
         return self.belief
 
     @property
     def dimension(self) -> int:
-        """Components of the state."""
+        """Number of components of the state."""
         return len(self.belief.mean)
 
     def measured(self) -> InformationPair:
-        """The own measurement of this sample as information; zero where there is none."""
+        """The own measurement of this sample as an information pair; zero if there is none."""
         return measured_information(self.moment.measurement, self.dimension)
 
     def ahead(self, packed: Vector, samples: int) -> Vector | None:
-        """A packed information pair about the state so many samples ago, run forward to now by the model.
+        """Propagate a packed information pair about the state this many samples ago to now by the model.
 
-        None where that is longer ago than the model's steps are remembered.
+        None if the model's steps are not kept for so long.
         """
         steps = self.moment.steps
         if samples > len(steps):
@@ -115,7 +116,7 @@ class Filter:
 
 
 class LocalFilter(Filter):
-    """The Kalman filter of an agent alone, on its own measurements: the reference that no network is needed for."""
+    """The Kalman filter of a single agent with its own measurements: the reference without communication."""
 
     def end(self) -> Gaussian:
         """Correct with the own measurement."""

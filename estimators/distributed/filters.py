@@ -1,7 +1,7 @@
-"""Filters by name: those that are built in, and `package.module:Class` for one of a user's own.
+"""Filters by name: built-in filters, and `package.module:Class` for a user's own.
 
-A name may be followed by the way to average beneath it, as in `consensus-on-measurements/running-sum`; without one it
-is Metropolis averaging.
+A name may be followed by an averaging method, as in `consensus-on-measurements/running-sum`; the default is Metropolis
+averaging.
 """
 
 from __future__ import annotations
@@ -48,29 +48,29 @@ FILTERS: Mapping[str, type[Filter]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class FilterChoice:
-    """A filter, the way to average beneath it, and its options."""
+    """A class of filter, its averaging method, and its options."""
 
     kind: type[Filter]
     averaging: str
     options: Mapping[str, float]
 
     def make(self, place: Place, prior: Gaussian) -> Filter:
-        """The filter of one agent.
+        """Create the filter of one agent.
 
         Raises:
-            BadInput: an option out of its bounds.
+            BadInput: an option is out of bounds.
         """
         return self.kind(place, prior, **self.options)
 
 
 def choose_filter(name: str, options: Mapping[str, float] | None = None) -> FilterChoice:
-    """What a name such as `hybrid`, `hybrid/chebyshev` or `my_module:MyFilter` stands for.
+    """The choice that a name such as `hybrid`, `hybrid/chebyshev` or `my_module:MyFilter` stands for.
 
     Args:
-        name: the filter, perhaps with the way to average.
-        options: numbers that the filter's class takes by name.
+        name: the filter, optionally with an averaging method.
+        options: keyword arguments of the filter's class.
     Raises:
-        BadInput: no such filter, averaging or option; the message says which there are.
+        BadInput: no such filter, averaging method or option; the message lists those that exist.
     """
     first, slash, averaging = name.partition("/")
     if slash and averaging not in AVERAGINGS:

@@ -1,8 +1,8 @@
-"""Gaussian beliefs about a state that moves, and how they are predicted, corrected and run forward.
+"""Gaussian beliefs about a dynamic state: prediction, correction and propagation.
 
 Letters: x state of n components with mean x̂ and covariance Σ; x⁺ = A x + u + w with w ~ N(0, Q) one step of its model;
-z = H x + v with v ~ N(0, R) a measurement; (P, q) = (Σ⁻¹, Σ⁻¹ x̂) the information pair of a belief. A nonlinear system
-enters linearised: A and H are Jacobians, u and z are moved by what linearising leaves over.
+z = H x + v with v ~ N(0, R) a measurement; (P, q) = (Σ⁻¹, Σ⁻¹ x̂) the information pair of a belief. For a nonlinear
+system A and H are Jacobians, and u and z include the constant terms of the linearisation.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Gaussian:
 
     @classmethod
     def trusted(cls, mean: Vector, covariance: Matrix) -> Self:
-        """The belief of arrays that this package has made of checked ones, unchecked and not copied."""
+        """The belief with these arrays, without checks and copies; for arrays computed from checked ones."""
         belief = cls.__new__(cls)
         belief.__dict__.update(mean=mean, covariance=covariance)
         return belief
@@ -111,13 +111,13 @@ def information(belief: Gaussian) -> InformationPair:
 
 
 def measured_information(measurement: Measurement | None, dimension: int) -> InformationPair:
-    """What a measurement says of the state, to be added to what is known already; nothing where there is none.
+    """The information pair of a measurement, to be added to that of a belief; zero for None.
 
     P = Hᵀ R⁻¹ H,  q = Hᵀ R⁻¹ z            information form, Olfati-Saber 2007
 
     Args:
-        measurement: of m components.
-        dimension: n, of the state.
+        measurement: a measurement of m components, or None.
+        dimension: n, number of components of the state.
     """
     if measurement is None:
         return InformationPair.trusted(np.zeros((dimension, dimension)), np.zeros(dimension))
@@ -127,7 +127,7 @@ def measured_information(measurement: Measurement | None, dimension: int) -> Inf
 
 
 def added(pairs: Iterable[InformationPair]) -> InformationPair:
-    """Sum of independent information, one pair at least."""
+    """Sum of independent information pairs, at least one."""
     first, *others = pairs
     matrix, vector = first.P, first.q
     for pair in others:
@@ -136,23 +136,23 @@ def added(pairs: Iterable[InformationPair]) -> InformationPair:
 
 
 def scaled(pair: InformationPair, factor: float) -> InformationPair:
-    """The pair times a number."""
+    """The pair multiplied by a number."""
     return InformationPair.trusted(factor * pair.P, factor * pair.q)
 
 
 def gaussian(pair: InformationPair) -> Gaussian | None:
-    """The belief that a pair stands for, or None where P is not positive definite: then it does not tell all of x."""
+    """The belief of an information pair, or None if P is not positive definite and so does not determine all of x."""
     covariance = _inverse(pair.P)
     return None if covariance is None else Gaussian.trusted(covariance.dot(pair.q), covariance)
 
 
 def corrected(belief: Gaussian, pairs: Iterable[InformationPair]) -> Gaussian:
-    """The belief after independent information, such as the measurements of one sample.
+    """Correct a belief with independent information, such as the measurements of one sample.
 
     P⁺ = Σ⁻¹ + Σ_j P_j,  q⁺ = Σ⁻¹ x̂ + Σ_j q_j            information filter, Anderson and Moore 1979, Sec. 6.3
 
     Raises:
-        BadInput: information with a negative part that leaves no belief.
+        BadInput: the result is not positive definite, because the information is not positive semidefinite.
     """
     result = gaussian(added([information(belief), *pairs]))
     if result is None:
@@ -161,14 +161,14 @@ def corrected(belief: Gaussian, pairs: Iterable[InformationPair]) -> Gaussian:
 
 
 def run_forward(pair: InformationPair, steps: Sequence[Step]) -> InformationPair:
-    """What knowledge of an earlier state says of the state after these steps; singular pairs are allowed.
+    """Propagate an information pair, which may be singular, through these steps of the model.
 
     M = A⁻ᵀ P A⁻¹,  P⁺ = (I + M Q)⁻¹ M,  q⁺ = (I + M Q)⁻¹ (A⁻ᵀ q + M u)
-    which is (P⁻¹ moved by A, plus Q)⁻¹ where P is regular            Anderson and Moore 1979, Sec. 6.3
+    which is P⁺ = (A P⁻¹ Aᵀ + Q)⁻¹ for regular P            Anderson and Moore 1979, Sec. 6.3
 
     Args:
-        pair: about the state before the first step.
-        steps: in their order; each transition is invertible.
+        pair: information about the state before the first step.
+        steps: steps in order, with invertible transitions.
     """
     matrix, vector = pair.P, pair.q
     size = len(vector)
@@ -182,7 +182,7 @@ def run_forward(pair: InformationPair, steps: Sequence[Step]) -> InformationPair
 
 
 def moved(mean: Vector, steps: Sequence[Step]) -> Vector:
-    """A mean after these steps: x̂⁺ = A x̂ + u for each."""
+    """Propagate a mean through these steps: x̂⁺ = A x̂ + u for each."""
     for step in steps:
         mean = step.transition @ mean + step.shift
     return mean

@@ -1,1 +1,1 @@
-"""The Distributed Flight Array of Kriegleder 2012: the plane under rigid modules by least squares and consensus."""
+"""The Distributed Flight Array of Kriegleder 2012: tilt and altitude by least squares and consensus."""

@@ -1,4 +1,4 @@
-"""Least squares over the distances of all modules or of a neighbourhood, and the hand-on where it cannot be solved."""
+"""Least squares with the distances of all modules or of a neighbourhood, and forwarded estimates elsewhere."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from ..checks import as_array
 from .plane import design_matrix
 
 WELL_CONDITIONED = 1e-5
-"""Smallest eigenvalue of a scaled information matrix that still gives an estimate.
+"""Smallest eigenvalue of a scaled information matrix for which an estimate is computed.
 
-It lies a hundred times above the noise that float32 messages leave on a singular matrix (about 1e-7), and twenty times
-below the smallest one of random arrays of up to 25 modules, at the first round that sees three modules off a line.
+It is a hundred times the rounding error that float32 messages leave on a singular matrix (about 1e-7), and a twentieth
+of the smallest one of random arrays of up to 25 modules, in the first round with three modules that are not on a line.
 """
 
 
 def well_conditioned(information: ArrayLike, tolerance: float = WELL_CONDITIONED) -> bool:
-    """Whether an information matrix determines the state: its modules are not on one line, and clearly so.
+    """Whether an information matrix determines the state, as it does if its modules are clearly not on one line.
 
-    The matrix is scaled to a unit diagonal, which takes out units, array size and number of modules; the test is that
-    its smallest eigenvalue exceeds `tolerance`.
+    The matrix is scaled to a unit diagonal, which removes units, array size and number of modules; its smallest
+    eigenvalue must then exceed `tolerance`.
 
     Args:
         information: CᵀC or P, symmetric, shape (3, 3) [1, m, m²].
-        tolerance: bound of the eigenvalue, dimensionless, > 0.
+        tolerance: lower bound of the eigenvalue, dimensionless, > 0.
     Raises:
         BadInput: wrong shape or not finite.
     """
@@ -53,7 +53,7 @@ def noncollinear(positions: ArrayLike) -> bool:
 
 
 def neighbourhood_estimate(positions: ArrayLike, distances: ArrayLike) -> NDArray[np.float64] | None:
-    """Least-squares estimate from the distances of a module and those neighbours that it has heard.
+    """Least-squares estimate from the distances of a module and of the neighbours that sent theirs.
 
     x̂_i = (C_iᵀC_i)⁻¹ C_iᵀ ŷ_i            Kriegleder 2012, (16)-(17) with (12)
 
@@ -73,7 +73,7 @@ def neighbourhood_estimate(positions: ArrayLike, distances: ArrayLike) -> NDArra
 
 
 def centralised_estimate(positions: ArrayLike, distances: ArrayLike) -> NDArray[np.float64]:
-    """Least-squares estimate from the distances of all modules: the linear optimum that the others are compared to.
+    """Least-squares estimate from the distances of all modules: the linear optimum, the reference of the others.
 
     x̂ = (CᵀC)⁻¹ Cᵀ ŷ            Kriegleder 2012, (12)
 
@@ -117,24 +117,24 @@ def _on_one_line(count: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class HandedEstimate:
-    """A state estimate, shape (3,) [m, rad, rad], and how many hops it is from the modules that solved for it."""
+    """A state estimate, shape (3,) [m, rad, rad], and its number of hops from a module that computed it."""
 
     state: NDArray[np.float64]
     hops: int = 0
 
 
 def hand_on(own: HandedEstimate | None, received: Mapping[str, HandedEstimate]) -> HandedEstimate | None:
-    """What a module holds after hearing its neighbours, where it cannot solve by itself.
+    """Estimate of a module that cannot compute one itself, from those of its neighbours.
 
-    It takes the mean of its neighbours nearest to a module that solved, one hop further. It never takes from a
-    neighbour that is as far as itself, so that estimates travel outwards only and what is held once everything has
-    been heard does not depend on which message came first. Kriegleder 2012, Sec. IV-A.
+    The mean of the estimates with the fewest hops, one hop further. A module ignores neighbours that have as many hops
+    as itself, so that estimates travel only outwards and the final result does not depend on the order of messages.
+    Kriegleder 2012, Sec. IV-A.
 
     Args:
-        own: what it holds; hops 0 if it solved by itself, None if it has nothing yet.
-        received: neighbour → what that neighbour held.
+        own: the present estimate; 0 hops if the module computed it itself, None if there is none yet.
+        received: neighbour → its estimate.
     Returns:
-        What it holds now, `own` if it has heard nothing nearer.
+        The new estimate; `own` if no neighbour has fewer hops.
     """
     hops = min((estimate.hops for estimate in received.values()), default=None)
     if hops is None or (own is not None and own.hops <= hops):

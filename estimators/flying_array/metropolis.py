@@ -1,4 +1,4 @@
-"""Consensus on information pairs (P, q), with which every module can solve the least squares of all.
+"""Consensus on information pairs (P, q), from which every module can solve the least-squares problem of all modules.
 
 Letters: c = (1, r_Y, −r_X) row of a module, m distance [m], P = cᵀc and q = cᵀm, or averages of them.
 """
@@ -16,13 +16,13 @@ PACKED_SIZE = packed_size(3)
 
 
 def initial_pair(position: ArrayLike, distance: float) -> InformationPair:
-    """What one module knows by itself.
+    """Information pair of a single module.
 
     P(0) = cᵀc,  q(0) = cᵀm            Kriegleder 2012, (26)
 
     Args:
         position: (r_X, r_Y), shape (2,) [m].
-        distance: measured there [m].
+        distance: measured distance [m].
     Raises:
         BadInput: wrong shape or not finite.
     """
@@ -31,7 +31,7 @@ def initial_pair(position: ArrayLike, distance: float) -> InformationPair:
 
 
 def estimate(pair: InformationPair, tolerance: float = WELL_CONDITIONED) -> NDArray[np.float64] | None:
-    """The state that a pair tells, or None where P is not well conditioned.
+    """The state determined by a pair, or None if P is not well conditioned.
 
     x̂ = P⁻¹ q            Kriegleder 2012, (21), (30)
 

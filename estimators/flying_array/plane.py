@@ -30,12 +30,12 @@ def design_row(position: ArrayLike) -> NDArray[np.float64]:
 
 
 def design_matrix(positions: ArrayLike) -> NDArray[np.float64]:
-    """The rows of all modules, so that C x are their distances, linearised about hover.
+    """The rows of all modules: C x are their distances, linearised about hover.
 
     Kriegleder 2012, (11)
 
     Args:
-        positions: one row (r_X, r_Y) a module, shape (N, 2) [m].
+        positions: one row (r_X, r_Y) per module, shape (N, 2) [m].
     Returns:
         C, shape (N, 3) [1, m, m].
     Raises:
@@ -46,11 +46,11 @@ def design_matrix(positions: ArrayLike) -> NDArray[np.float64]:
 
 
 def exact_state(plane: ArrayLike) -> NDArray[np.float64]:
-    """The state whose nonlinear distances lie on a fitted plane, at any tilt below 90°.
+    """The state of the nonlinear model for a fitted plane, at any tilt below 90°.
 
     m = a + r_Y b − r_X c;  γ = atan b,  β = atan(c cos γ),  z = a cos β cos γ      inverse of Kriegleder 2012, (6)
-    The coefficients (a, b, c) are what linear least squares calls the state, whether centralised or by consensus: the
-    linearised estimate reads them as (z, γ, β), this function undoes the nonlinear model.
+    Linear least squares, centralised or by consensus, gives the coefficients (a, b, c). The linearised estimate takes
+    them as (z, γ, β); this function inverts the nonlinear model instead.
 
     Args:
         plane: (a, b, c), shape (3,) [m, 1, 1].

@@ -1,4 +1,4 @@
-"""Who tracks whom in a formation, and what can be estimated from it: connectivity of the measured pairs."""
+"""Assignment of cameras to vehicles, and observability of the formation from the measured pairs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .model import Pair, check_pair
 
 @dataclass(frozen=True)
 class Observability:
-    """What a set of measured pairs lets one estimate.
+    """Observability of a formation from a set of measured pairs.
 
-    groups: living vehicles that are joined by measured pairs, each ascending, the largest first. Within a group all
-        relative positions and velocities are observable, between two groups none.
-    rank: of the observability matrix, 6 for each pair that joins two groups to one.
-    size: of the state of the living, 6 (living − 1).
-    lost: the i whose r_i = p_i − p_{i+1} is unobservable, that of a dead vehicle included.
+    groups: connected components of the living vehicles, joined by measured pairs; each ascending, the largest first.
+        Within a group all relative positions and velocities are observable, between two groups none.
+    rank: of the observability matrix, 6 (living − number of groups).
+    size: of the state of the living vehicles, 6 (living − 1).
+    lost: the i whose r_i = p_i − p_{i+1} is unobservable, including those of a dead vehicle.
     """
 
     groups: tuple[tuple[int, ...], ...]
@@ -31,11 +31,11 @@ class Observability:
 
     @property
     def complete(self) -> bool:
-        """Whether all that live can be estimated relative to each other."""
+        """Whether all living vehicles can be estimated relative to each other."""
         return self.rank == self.size
 
     def describe(self, names: Sequence[str] | None = None) -> str:
-        """In words, which vehicles are cut off from which."""
+        """Describe which vehicles are cut off from which."""
         if not self.groups:
             return "there is nobody"
         if self.complete:
@@ -45,15 +45,15 @@ class Observability:
 
 
 def observability(vehicles: int, pairs: Iterable[Pair], dead: Collection[int] = ()) -> Observability:
-    """What measured pairs (observer, seen) let the vehicles estimate together.
+    """Observability from measured pairs (observer, seen).
 
-    Relative position and velocity of a pair follow from its position over two instants, sums along a path from its
-    parts: the rank is 6 (living − number of groups). So is that of [C; CA; …], Nägeli 2014, Sec. II-B.
+    Relative position and velocity of a pair follow from its measurements at two instants, and those of other pairs from
+    sums along a path: the rank is 6 (living − number of groups), as that of [C; CA; …], Nägeli 2014, Sec. II-B.
 
     Args:
         vehicles: N.
-        pairs: as they are measured, observer first.
-        dead: vehicles that neither see nor are seen any more.
+        pairs: measured pairs, observer first.
+        dead: vehicles that neither see nor are seen.
     Raises:
         BadInput: a pair of vehicles that do not exist.
     """
@@ -77,7 +77,7 @@ def check_observable(vehicles: int, pairs: Iterable[Pair], names: Sequence[str] 
         pairs: (observer, seen).
         names: of the vehicles, for the message.
     Raises:
-        BadInput: naming the vehicles that are cut off, and the rank.
+        BadInput: it is unobservable; the message names the vehicles that are cut off, and the rank.
     """
     found = observability(vehicles, pairs)
     if not found.complete:
@@ -93,22 +93,23 @@ def assignment(
     occluded: Collection[Pair] = (),
     names: Sequence[str] | None = None,
 ) -> tuple[int, ...]:
-    """Who tracks whom: one vehicle each, in sight, such that the formation is observable.
+    """Assign to each camera one visible vehicle to track, such that the formation is observable.
 
-    The ring, each the next and the last the first, wherever all of it is in sight: it bears the loss of any one pair,
-    and for three vehicles it is that of Nägeli 2014, Sec. IV-B. Otherwise a tree in which each tracks its parent,
-    grown from its root by the nearest pair first, of all roots the one with the least sum of distances; the root
-    tracks the vehicle that closes the longest ring.
+    A ring, in which each vehicle tracks the next and the last the first, if all of these are visible: it stays
+    observable without any one pair, and for three vehicles it is that of Nägeli 2014, Sec. IV-B. Otherwise a tree in
+    which each vehicle tracks its parent, built from the root by adding the nearest pair first; the root is the one with
+    the smallest sum of distances, and tracks the vehicle that closes the longest ring.
 
     Args:
         positions: of the reference formation, shape (N, 3) [m].
-        camera_range: how far a camera sees [m].
-        occluded: (observer, seen) of those whose line of sight is blocked.
+        camera_range: range of the cameras [m].
+        occluded: pairs (observer, seen) whose line of sight is blocked.
         names: of the vehicles, for the message.
     Returns:
         For each vehicle the one that it tracks.
     Raises:
-        BadInput: fewer than two vehicles, or no assignment makes the formation observable; it names who is cut off.
+        BadInput: fewer than two vehicles, or no assignment makes the formation observable; the message names the
+            vehicles that are cut off.
     """
     places = as_array(positions, (None, 3), "positions of a formation")
     vehicles = len(places)
@@ -137,11 +138,11 @@ def assignment(
 
 
 def occlusions(positions: ArrayLike, radius: float) -> set[Pair]:
-    """(observer, seen) of those between whom another vehicle stands: nearer, and with the line of sight through it.
+    """Pairs (observer, seen) whose line of sight is occluded by another vehicle.
 
     Args:
         positions: shape (N, 3) [m].
-        radius: of the sphere that stands for a vehicle [m].
+        radius: of the sphere that represents a vehicle [m].
     """
     places = as_array(positions, (None, 3), "positions of a formation")
     found: set[Pair] = set()
@@ -158,7 +159,7 @@ def occlusions(positions: ArrayLike, radius: float) -> set[Pair]:
 
 
 def _tree(distances: NDArray[np.float64], root: int) -> tuple[int, ...] | None:
-    """Parents of a tree that grows from its root, nearest first, and what the root tracks; None where it cannot."""
+    """Parents in a tree built from its root, nearest pair first, and what the root tracks; None if there is no tree."""
     vehicles = len(distances)
     tracked = dict[int, int]()
     inside = np.zeros(vehicles, dtype=np.bool_)

@@ -1,8 +1,8 @@
-"""What a vehicle believes of a formation, with the arithmetic of `joseph` compiled by Numba.
+"""Belief about a formation, with the arithmetic of `joseph` compiled by Numba.
 
-Needs the extra `volery[fast]`. The results agree with those of the default to rounding and not to the bit, so it is
-chosen by name (`form: compiled`) and never by itself. The kernels are compiled at their first use, and kept in a cache
-on disk. They pay off for formations of a few vehicles; with many, BLAS is as good.
+Needs the extra `volery[fast]`. The results agree with those of the default up to rounding but not to the bit, so it is
+used only on request (`form: compiled`). The kernels are compiled at their first use, and cached on disk. They are
+faster for formations of a few vehicles; for many, BLAS is as fast.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class CompiledBelief:
-    """x̂ and P, the latter as a matrix.
+    """Belief with the estimate x̂ and the covariance matrix P.
 
     state: x̂, split order, shape (6n,) [m, m/s].
 
@@ -47,7 +47,7 @@ class CompiledBelief:
             check_finite(inputs, "forces of a formation")
 
     def update(self, rows: Rows, values: Array, noise: Array) -> None:
-        """A measurement z = H x + noise: `JosephBelief.update`, compiled.
+        """Update with a measurement z = H x + noise: `JosephBelief.update`, compiled.
 
         Args:
             rows: H, k rows.
@@ -67,13 +67,13 @@ class CompiledBelief:
         return (covariance + covariance.T) / 2
 
     def inflate(self, factor: float) -> None:
-        """P⁺ = factor · P, made symmetric again: what rounding left of asymmetry would grow from message to message."""
+        """P⁺ = factor · P, made symmetric: asymmetry by rounding would otherwise grow with every message."""
         self._covariance[...] = (self._covariance + self._covariance.T) * (factor / 2)
 
 
 @njit(cache=True, error_model="numpy")
 def _predict(state, covariance, inputs, input_map, process_noise, seconds):  # type: ignore[no-untyped-def]
-    """False, and nothing changed, if a force is not finite."""
+    """Predict in place; return False, and change nothing, if a force is not finite."""
     if not _finite(inputs):
         return False
     half = len(state) // 2
@@ -93,7 +93,7 @@ def _predict(state, covariance, inputs, input_map, process_noise, seconds):  # t
 
 @njit(cache=True, error_model="numpy")
 def _update(state, covariance, rows, values, noise):  # type: ignore[no-untyped-def]
-    """L, then x̂ and P as `JosephBelief.update` has them; False, and nothing changed, if one of them is none."""
+    """Update in place, as `JosephBelief.update`; return False, and change nothing, if that is not possible."""
     if not _finite(values) or not _factor(noise.copy()):
         return False
     shared = _product(rows, covariance)
@@ -118,7 +118,7 @@ def _update(state, covariance, rows, values, noise):  # type: ignore[no-untyped-
 
 @njit(cache=True, error_model="numpy")
 def _product(left, right):  # type: ignore[no-untyped-def]
-    """A B, where most of A is zero."""
+    """A B for a sparse A."""
     result = np.zeros((left.shape[0], right.shape[1]))
     for a in range(left.shape[0]):
         for b in range(left.shape[1]):
@@ -130,7 +130,7 @@ def _product(left, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _transposed_product(left, right):  # type: ignore[no-untyped-def]
-    """A Bᵀ, where most of A is zero."""
+    """A Bᵀ for a sparse A."""
     result = np.zeros((left.shape[0], right.shape[0]))
     for a in range(left.shape[0]):
         for b in range(left.shape[1]):
@@ -152,7 +152,7 @@ def _add_outer(matrix, left, right, factor):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _factor(matrix):  # type: ignore[no-untyped-def]
-    """Cholesky's factor in the lower triangle, in place; False if the matrix is not positive definite."""
+    """Cholesky factor in the lower triangle, in place; return False if the matrix is not positive definite."""
     for a in range(len(matrix)):
         for b in range(a + 1):
             rest = matrix[a, b]
@@ -169,7 +169,7 @@ def _factor(matrix):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _divided(factor, right):  # type: ignore[no-untyped-def]
-    """S⁻¹ B from Cholesky's factor of S, in place of B."""
+    """S⁻¹ B from the Cholesky factor of S, in place of B."""
     for a in range(len(factor)):
         for c in range(a):
             for j in range(right.shape[1]):

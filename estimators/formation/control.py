@@ -1,4 +1,4 @@
-"""Formation control: the linear quadratic regulator of relative positions, one gain that all vehicles share."""
+"""Formation control: a linear quadratic regulator of relative positions, with one gain for all vehicles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .model import NANOSECOND, FormationModel
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the regulator on positions [1/m²], velocities [s²/m²] and forces [1/N²], the same for all."""
+    """Weights of the regulator on positions [1/m²], velocities [s²/m²] and forces [1/N²], the same for all vehicles."""
 
     position: float = 4.0
     velocity: float = 1.0
@@ -36,20 +36,20 @@ def regulator(model: FormationModel, weights: Weights | None = None, dead: Colle
 
     X = AᵀXA − AᵀXB (W_u + BᵀXB)⁻¹ BᵀXA + W_x,  K = (W_u + BᵀXB)⁻¹ BᵀXA            Nägeli 2014, Sec. III-B
     A force that is common to all changes no relative position: B (1 ⊗ I₃) = 0. As W_u = w I is the same for all,
-    (W_u + BᵀXB)(1 ⊗ I₃) = w (1 ⊗ I₃), hence (1 ⊗ I₃)ᵀK = w⁻¹ (B (1 ⊗ I₃))ᵀXA = 0: the vehicles' rows sum to zero, and
-    what they do on a common estimate leaves the centre of gravity alone.
+    (W_u + BᵀXB)(1 ⊗ I₃) = w (1 ⊗ I₃), hence (1 ⊗ I₃)ᵀK = w⁻¹ (B (1 ⊗ I₃))ᵀXA = 0: the vehicles' rows sum to zero, so
+    that forces computed from a common estimate do not move the centre of gravity.
 
-    Vehicles that are dead get rows of zeros; the others form the formation of those that are left, r between one
-    living vehicle and the next, so that nobody follows an estimate of the dead.
+    Dead vehicles get rows of zeros. The others keep the formation of the living vehicles, with r from each to the next
+    living one, so that no vehicle uses an estimate of a dead one.
 
     Args:
         model: dynamics and step.
         weights: 4, 1 and 0.5 by default.
-        dead: vehicles that no longer fly.
+        dead: dead vehicles.
     Returns:
         Shape (3N, 6(N−1)) [N/m, N·s/m], read only.
     Raises:
-        BadInput: a vehicle that does not exist; fewer than two are alive.
+        BadInput: a dead vehicle does not exist, or fewer than two are alive.
     """
     unknown = sorted(set(dead) - set(range(model.vehicles)))
     if unknown:
@@ -61,7 +61,7 @@ def regulator(model: FormationModel, weights: Weights | None = None, dead: Colle
 
 
 def control(gain: ArrayLike, state: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-    """Forces u = −K (x̂ − x_ref), shape (N, 3) [N], in the inertial frame, on top of what carries the weight.
+    """Forces u = −K (x̂ − x_ref), shape (N, 3) [N], in the inertial frame, in addition to those against gravity.
 
     Args:
         gain: K, shape (3N, 6(N−1)).
@@ -103,7 +103,7 @@ def _regulator(model: FormationModel, weights: Weights, living: tuple[int, ...])
 
 
 def _between(vehicles: int, living: tuple[int, ...]) -> NDArray[np.float64]:
-    """Relative states of one living vehicle to the next from those of all, on one axis: sums along the chain."""
+    """Matrix from the relative states of all vehicles to those of successive living ones, on one axis."""
     sums = np.zeros((len(living) - 1, vehicles - 1))
     for row, (i, j) in enumerate(pairwise(living)):
         sums[row, i:j] = 1.0

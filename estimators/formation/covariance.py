@@ -1,4 +1,4 @@
-"""The checks of a covariance, and the one way to divide by it."""
+"""Checks of covariances, Cholesky factors, and linear systems with a covariance."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ..checks import as_array
 
 
 def factor(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cholesky's factor, lower triangular, in Fortran's order; above it stands what stood there.
+    """Lower Cholesky factor, in Fortran order; the upper triangle of the result is that of the matrix.
 
     Raises:
-        BadInput: the matrix is not positive definite, so a covariance was none.
+        BadInput: the matrix is not positive definite.
     """
     root, failed = dpotrf(matrix, 1, 0)
     if failed:
@@ -26,10 +26,10 @@ def factor(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """S⁻¹ B by Cholesky's factor of a symmetric positive definite S, in Fortran's order.
+    """S⁻¹ B for a symmetric positive definite S, in Fortran order.
 
     Raises:
-        BadInput: S is not positive definite, so a covariance was none.
+        BadInput: S is not positive definite.
     """
     _, solution, failed = dposv(matrix, right, 1)
     if failed:
@@ -39,10 +39,10 @@ def solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[n
 
 
 def checked_covariance(matrix: ArrayLike, size: int | None, name: str) -> NDArray[np.float64]:
-    """A covariance as a fresh array: finite, of this size if it is given, symmetric to rounding and positive definite.
+    """A covariance as a fresh array; must be finite, symmetric, positive definite, and of this size if one is given.
 
     Raises:
-        BadInput: otherwise, with `name`.
+        BadInput: it is not; the message gives `name`.
     """
     array = as_array(matrix, (size, size), name)
     largest = np.abs(array).max(initial=0.0)
@@ -53,10 +53,10 @@ def checked_covariance(matrix: ArrayLike, size: int | None, name: str) -> NDArra
 
 
 def check_finite(values: NDArray[np.float64], name: str) -> None:
-    """Refuse a vector with a number that is not finite, or whose square is not.
+    """Refuse a vector with a number that is not finite, or whose square overflows.
 
     Raises:
-        BadInput: with `name`.
+        BadInput: the message gives `name`.
     """
     if not math.isfinite(values.dot(values)):
         raise BadInput(f"{name} holds a number that is not finite: {values.tolist()}")
@@ -66,7 +66,7 @@ def check_positive(matrix: NDArray[np.float64], name: str) -> None:
     """Refuse a symmetric matrix that is not positive definite.
 
     Raises:
-        BadInput: with `name`.
+        BadInput: the message gives `name`.
     """
     if not matrix.size or dpotrf(matrix, 1)[1]:
         raise BadInput(f"{name} is not positive definite: {matrix.tolist()}: variances are above 0")

@@ -1,4 +1,4 @@
-"""Kalman filter of a formation: predict with the known forces, update with any measured pairs, all of a step in one."""
+"""Kalman filter of a formation: predict with the known forces, update with all measured pairs of a step at once."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .square_root import SquareRootBelief
 Form = Literal["joseph", "square-root", "compiled"]
 
 LONGEST_STEP_NS = 250_000_000
-"""Default bound of a step: with forces held for more than 277 ms, the loop of the default regulator diverges."""
+"""Default bound of a step: with forces constant for more than 277 ms, the default regulator is unstable."""
 
 
 _ALIKE = np.eye(3)
 
 
 def steps_to(from_ns: int, to_ns: int) -> Iterator[int]:
-    """The ends [ns] of steps, none over the longest, from an instant to a later one; nothing to an earlier one."""
+    """Ends [ns] of steps from an instant to a later one, none longer than the default bound; none to an earlier one."""
     yield from range(from_ns + LONGEST_STEP_NS, to_ns, LONGEST_STEP_NS)
     if to_ns > from_ns:
         yield to_ns
@@ -34,12 +34,12 @@ def steps_to(from_ns: int, to_ns: int) -> Iterator[int]:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Relative positions of one or several pairs, or positions and velocities, with their noise.
+    """Observed relative positions, or positions and velocities, of one or several pairs, with their covariance.
 
-    pairs: (i, j) of each; what is measured is p_i − p_j, and v_i − v_j.
-    values: pair after pair, shape (3m,) [m], or position and velocity of each pair, shape (6m,) [m, m/s].
-    covariance: of the values, symmetric positive definite, shape (k, k); noises of one observation may be correlated,
-        those of two are independent.
+    pairs: m pairs (i, j); the values are p_i − p_j, and v_i − v_j.
+    values: positions, shape (3m,) [m], or position and velocity of each pair, shape (6m,) [m, m/s].
+    covariance: of the values, symmetric positive definite, shape (k, k); errors may be correlated within an
+        observation, and are independent between observations.
     """
 
     pairs: tuple[Pair, ...]
@@ -47,7 +47,7 @@ class Observation:
     covariance: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        """Check shapes; what the numbers are is checked in the update."""
+        """Check shapes; the update checks the numbers."""
         size, least = len(self.values), 3 * len(self.pairs)
         if (size != least and size != 2 * least) or self.covariance.shape != (size, size):
             raise BadInput(
@@ -57,18 +57,18 @@ class Observation:
 
     @property
     def velocities(self) -> bool:
-        """Whether velocities are told too."""
+        """Whether the values include velocities."""
         return len(self.values) == 6 * len(self.pairs)
 
 
 def sighting(first: int, second: int, position: ArrayLike, deviation: ArrayLike) -> Observation:
-    """What a camera says of p_first − p_second.
+    """A camera's measurement of p_first − p_second.
 
     Args:
         first: the observer.
-        second: whom it sees.
+        second: the vehicle that it sees.
         position: in the inertial frame, shape (3,) [m].
-        deviation: standard deviation alike on all axes [m], or a covariance, shape (3, 3) [m²].
+        deviation: standard deviation, the same on all axes [m], or covariance, shape (3, 3) [m²].
     Raises:
         BadInput: wrong shape, not finite, or not positive.
     """
@@ -83,16 +83,16 @@ def sighting(first: int, second: int, position: ArrayLike, deviation: ArrayLike)
 
 
 class FormationFilter:
-    """State machine that holds x̂ and P of a formation. Fed with all cameras and the true forces it is the oracle.
+    """Kalman filter of x̂ and P of a formation. With all cameras and the true forces it is the centralised filter.
 
     Args:
         model: the dynamics and their noise.
-        state: x̂ at the beginning, shape (6(N−1),) [m, m/s], in the paper's order.
-        covariance: P at the beginning, shape (6(N−1), 6(N−1)), in the paper's order; or the two standard deviations of
-            each relative position [m] and velocity [m/s].
-        time_ns: instant of the beginning [ns].
-        form: how P is kept, and by what; all give the same to rounding, and each its own bits. `compiled` is the Joseph
-            form by Numba, which the extra volery[fast] brings.
+        state: initial x̂, shape (6(N−1),) [m, m/s], in the paper's order.
+        covariance: initial P, shape (6(N−1), 6(N−1)), in the paper's order; or the two standard deviations of each
+            relative position [m] and velocity [m/s].
+        time_ns: initial instant [ns].
+        form: representation and implementation of P; the results are equal up to rounding. `compiled` is the Joseph
+            form compiled by Numba, from the extra volery[fast].
         longest_step_ns: bound of a step [ns].
     Raises:
         BadInput: wrong shape, not finite, or a covariance that is not positive definite; Numba is not installed.
@@ -131,13 +131,13 @@ class FormationFilter:
         return seen.whole @ self.belief.state, self.belief.observed(seen)
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
-        """Move on to an instant under forces that are held until then.
+        """Predict to a later instant with forces that are constant until then.
 
         x̂⁺ = A x̂ + B u,  P⁺ = A P Aᵀ + Q            Nägeli 2014, Algorithm 1, lines 1 and 2
 
         Args:
-            time_ns: the instant [ns], later than the one before and by no more than the longest step.
-            forces: u in the inertial frame, without what is common to all such as weight, shape (N, 3) or (3N,) [N].
+            time_ns: the instant [ns], after the last one by at most the longest step.
+            forces: u in the inertial frame, shape (N, 3) or (3N,) [N]; common forces such as weight are left out.
         Raises:
             BadInput: a step that is not above 0 or too long; forces of a wrong shape or not finite.
         """
@@ -154,11 +154,11 @@ class FormationFilter:
         self.time_ns = time_ns
 
     def update(self, observations: Sequence[Observation]) -> None:
-        """Fold everything that was observed at the present instant into one update.
+        """Update once with all observations of the present instant.
 
         x̂⁺ = x̂ + L (z − H x̂)            Nägeli 2014, (5) and Algorithm 1, lines 3 to 5
-        The correction is made with the own prediction, for what was communicated too; the noises of different
-        observations are taken as independent.
+        The innovations of received messages, too, are relative to the own prediction. The errors of different
+        observations are assumed to be independent.
 
         Raises:
             BadInput: a pair of vehicles that do not exist, values that are not finite, or a covariance that is not
@@ -170,7 +170,7 @@ class FormationFilter:
 
 
 class Belief(Protocol):
-    """What a form provides, in split order: `joseph` says what each does."""
+    """Interface of the forms of P, in split order; documented in `joseph`."""
 
     state: NDArray[np.float64]
 
@@ -178,19 +178,19 @@ class Belief(Protocol):
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """P."""
+        """Covariance P."""
 
     def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
-        """Move on by a step."""
+        """Predict by one step."""
 
     def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
-        """Take in a measurement."""
+        """Update with a measurement."""
 
     def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ."""
 
     def inflate(self, factor: float) -> None:
-        """Multiply P."""
+        """Multiply P by a factor."""
 
 
 def _kind_of(form: Form) -> type[Belief]:
@@ -205,7 +205,7 @@ def _kind_of(form: Form) -> type[Belief]:
 
 
 def _initial(model: FormationModel, covariance: ArrayLike) -> NDArray[np.float64]:
-    """P at the beginning, in split order."""
+    """Initial P, in split order."""
     given = np.asarray(covariance, dtype=np.float64)
     if given.shape == (2,):
         given = np.diag(np.tile(np.repeat(given * np.abs(given), 3), model.vehicles - 1))

@@ -1,4 +1,4 @@
-"""The consensus Kalman filter of a formation: each vehicle's own filter, and what it hears taken as measurements."""
+"""The consensus Kalman filter of a formation: each vehicle has a filter, and uses messages as measurements."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _Stream = tuple[int, tuple[tuple[int, int], ...]]
 
 @dataclass(frozen=True)
 class ConsensusSettings:
-    """How messages are taken.
+    """How messages are used.
 
-    delay: `compensate` runs them forward from their stamps to now, `ignore` takes them as if they were fresh.
-    fusion: `kalman` takes their errors as independent of the own, as Nägeli 2014 does; `intersection` does not.
+    delay: `compensate` propagates them from their time stamps to now, `ignore` uses them as if they were current.
+    fusion: `kalman` assumes errors independent of the own ones, as Nägeli 2014 does; `intersection` does not.
     weighting: of covariance intersection.
-    position_noise: of messages that bear no covariance, per axis [m].
+    position_noise: standard deviation for messages without a covariance, per axis [m].
     velocity_noise: likewise [m/s].
-    history_ns: how old a message may be, to be run forward [ns].
+    history_ns: largest age of a message that can be propagated [ns].
     """
 
     delay: Delay = "compensate"
@@ -47,7 +47,7 @@ class ConsensusSettings:
         check_fields_above_zero(self, "position_noise", "velocity_noise", "history_ns")
 
     def noise(self, count: int) -> NDArray[np.float64]:
-        """N, the covariance of what is told of so many pairs, shape (6 count, 6 count) [m², m²/s²], read only."""
+        """Covariance N of a message on this many pairs, shape (6 count, 6 count) [m², m²/s²], read only."""
         return _noise(self, count)
 
 
@@ -61,13 +61,13 @@ def _noise(settings: ConsensusSettings, count: int) -> NDArray[np.float64]:
 
 @dataclass
 class Account:
-    """What became of the messages that were received.
+    """Numbers of received messages by how they were used.
 
     folded: used in an update.
-    superseded: a newer one of the same sender, on the same pairs, was there.
-    too_old: stamped before the history of forces begins.
-    ahead: stamped later than now by more than the history is long.
-    useless: would have made the covariance larger (intersection only).
+    superseded: not used, as there was a newer one of the same sender on the same pairs.
+    too_old: not used, as its stamp is before the history of forces.
+    ahead: not used, as its stamp is later than now by more than the length of the history.
+    useless: not used, as it would have increased the covariance (intersection only).
     """
 
     folded: int = 0
@@ -79,16 +79,16 @@ class Account:
 
 @dataclass
 class ConsensusFilter:
-    """State machine of one vehicle: predict, receive, update, tell.
+    """State machine of one vehicle: predict, receive, update, send.
 
     x̂ⁱ⁺ = x̂ⁱ + L_i (z_i − C_i x̂ⁱ) + F_i Σ_j (t_ij − H_j x̂ⁱ), with [L_i F_i] the gain of both together.
-    A message counts with the noise N, or with the covariance that it bears. With every vehicle's raw measurements as
-    observations and the true forces this is the centralised filter; with messages, which tell what the sender has
-    estimated from its own measurements *and* from earlier messages, the same information comes back and is counted
-    again under `kalman`, so that the covariance is too small. `intersection` makes no such claim.
+    A message has the covariance N, or the one that it contains. With the raw measurements of all vehicles and the true
+    forces this is the centralised filter. Messages, however, depend on the sender's measurements *and* on earlier
+    messages: `kalman` counts the same information several times, so that the covariance is too small; `intersection`
+    does not.
 
     own: the filter; `own.state` and `own.covariance` are the vehicle's estimate.
-    settings: how messages are taken.
+    settings: how messages are used.
     """
 
     own: FormationFilter
@@ -96,15 +96,15 @@ class ConsensusFilter:
     account: Account = field(default_factory=Account, init=False)
 
     def __post_init__(self) -> None:
-        """Begin with nothing heard."""
+        """Start without messages."""
         self._history = History(self.own.model, self.own.time_ns, self.settings.history_ns)
         self._waiting: list[Message] = []
         self._newest: dict[_Stream, int] = {}
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
-        """Move on to an instant under forces, shape (N, 3) or (3N,) [N], that are held until then.
+        """Predict to a later instant with forces, shape (N, 3) or (3N,) [N], that are constant until then.
 
-        The forces are u = −K (x̂ⁱ − x_ref), for all vehicles by the own estimate, with the own one as it was commanded.
+        The forces are u = −K (x̂ⁱ − x_ref) by the own estimate for all vehicles, the own force as commanded.
 
         Raises:
             BadInput: as `FormationFilter.predict`; nothing is changed then.
@@ -113,10 +113,10 @@ class ConsensusFilter:
         self._history.record(time_ns, np.asarray(forces, dtype=np.float64).reshape(-1, 3))
 
     def receive(self, message: Message) -> None:
-        """Take a message; it is folded into the next update that is not before its stamp.
+        """Store a message, to be used in the next update that is not before its stamp.
 
         Raises:
-            BadInput: vehicles or lengths that do not fit the formation, or no covariance where intersection needs one.
+            BadInput: vehicles or lengths do not fit the formation, or intersection needs a covariance that is missing.
         """
         for pair in message.pairs:
             check_pair(self.own.model.vehicles, pair)
@@ -133,9 +133,9 @@ class ConsensusFilter:
         self._waiting.append(message)
 
     def update(self, sightings: Sequence[Observation]) -> None:
-        """Fold what the own camera sees now, and the messages that were received, into one update.
+        """Update with the own camera's present observations and the received messages.
 
-        Under `intersection` the sightings come first, then each message by itself.
+        With `intersection` the observations come first, then each message separately.
 
         Raises:
             BadInput: as `FormationFilter.update`.
@@ -154,16 +154,16 @@ class ConsensusFilter:
     def pair_message(
         self, sender: int, seen: int, *, unseen_ns: int = 0, attitude: NDArray[np.float64] | None = None
     ) -> PairMessage:
-        """What to tell of the pair in view: H x̂ⁱ, with its covariance, which a codec sends along or leaves out."""
+        """Message on the tracked pair: H x̂ⁱ and its covariance, which a codec may leave out."""
         values, covariance = self.own.pair(sender, seen)
         return PairMessage(sender, seen, self.own.time_ns, values, unseen_ns, attitude, covariance)
 
     def full_message(self, sender: int) -> FullMessage:
-        """What to tell of everything: x̂ⁱ and its covariance, which a codec sends along or leaves out."""
+        """Message on all pairs: x̂ⁱ and its covariance, which a codec may leave out."""
         return FullMessage(sender, self.own.time_ns, self.own.state, self.own.covariance)
 
     def _due(self) -> list[Message]:
-        """Messages to use now: of each sender and pair the newest whose instant has come, or the last that arrived."""
+        """Messages to use now: for each sender and pair the newest that is not stamped later, or the last received."""
         arrived, self._waiting = self._waiting, []
         newest: dict[_Stream, Message] = {}
         stamped = self.settings.delay == "compensate"
@@ -177,7 +177,7 @@ class ConsensusFilter:
         return list(newest.values())
 
     def _in_time(self, message: Message) -> bool:
-        """Whether a message is to be run forward now; one whose instant is to come waits, if it is not far ahead."""
+        """Whether a message can be propagated now; one stamped later than now waits, unless it is too far ahead."""
         ahead_ns = message.time_ns - self.own.time_ns
         if ahead_ns > self.settings.history_ns:
             self.account.ahead += 1

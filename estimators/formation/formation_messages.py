@@ -1,6 +1,6 @@
-"""What vehicles of a formation tell each other, and how a message that is old is run forward to now.
+"""Messages between vehicles of a formation, and propagation of old messages to now.
 
-How a message looks on the air, and what it weighs there, is the business of `agents.mav_messages`.
+Their encoding is in `agents.mav`.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .model import NANOSECOND, FormationModel
 
 @dataclass(frozen=True)
 class PairMessage:
-    """What the sender's filter says of the pair that its camera keeps in view.
+    """The sender's estimate of the pair that its camera tracks.
 
     sender, seen: the vehicles; the values are p_sender − p_seen and its velocity.
-    time_ns: the instant that the values hold for [ns].
+    time_ns: the instant of the values [ns].
     values: shape (6,) [m, m/s], inertial frame.
-    unseen_ns: how long before that instant the sender last saw the vehicle [ns].
-    attitude: the sender's, body→inertial, scalar first, shape (4,), or None.
-    covariance: of the values, or a bound of it, shape (6, 6), or None.
+    unseen_ns: time since the sender last saw the vehicle, at that instant [ns].
+    attitude: the sender's, body → inertial, scalar first, shape (4,), or None.
+    covariance: of the values, or an upper bound of it, shape (6, 6), or None.
     """
 
     sender: int
@@ -39,11 +39,11 @@ class PairMessage:
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The one pair that is told."""
+        """The pair of the message."""
         return ((self.sender, self.seen),)
 
     def relative(self, vehicles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of quantities of all vehicles, shape (k, N, 3), the difference that is told, shape (k, 3)."""
+        """Difference, shape (k, 3), for the pair of the message, of quantities of all vehicles, shape (k, N, 3)."""
         return vehicles[:, self.sender] - vehicles[:, self.seen]
 
 
@@ -52,9 +52,9 @@ class FullMessage:
     """The sender's whole estimate.
 
     sender: the vehicle.
-    time_ns: the instant that the estimate holds for [ns].
+    time_ns: the instant of the estimate [ns].
     values: x̂ in the paper's order, shape (6(N−1),) [m, m/s].
-    covariance: of the values, or a bound of it, or None.
+    covariance: of the values, or an upper bound of it, or None.
     """
 
     sender: int
@@ -65,11 +65,11 @@ class FullMessage:
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Every vehicle and the next."""
+        """The pairs of each vehicle and the next."""
         return tuple((i, i + 1) for i in range(len(self.values) // 6))
 
     def relative(self, vehicles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of quantities of all vehicles, shape (k, N, 3), the differences that are told, shape (k, 3(N−1))."""
+        """Differences of the pairs, shape (k, 3(N−1)), of quantities of all vehicles, shape (k, N, 3)."""
         return (vehicles[:, :-1] - vehicles[:, 1:]).reshape(len(vehicles), -1)
 
 
@@ -77,7 +77,7 @@ Message = PairMessage | FullMessage
 
 
 def bound_of(covariance: ArrayLike) -> tuple[float, float]:
-    """A covariance in two numbers that is never too small: (σ_p, σ_v) [m, m/s], P ≤ diag(σ_p² I₃, σ_v² I₃).
+    """Upper bound of a covariance by two numbers (σ_p, σ_v) [m, m/s]: P ≤ diag(σ_p² I₃, σ_v² I₃).
 
     With a, b the largest eigenvalues of the position and the velocity block, and c ≤ 2 the largest of P scaled by them,
     σ_p² = c a and σ_v² = c b.
@@ -93,12 +93,12 @@ def bound_of(covariance: ArrayLike) -> tuple[float, float]:
 
 
 class History:
-    """What the known forces did of late: enough to run any message that is not older forward to now.
+    """History of the effects of known forces, for propagating messages to now.
 
     Args:
         model: the dynamics.
-        time_ns: the beginning [ns].
-        span_ns: how far back it reaches, at least [ns].
+        time_ns: start of the history [ns].
+        span_ns: least length of the history [ns].
     """
 
     def __init__(self, model: FormationModel, time_ns: int, span_ns: int) -> None:
@@ -110,16 +110,16 @@ class History:
 
     @property
     def now_ns(self) -> int:
-        """The instant up to which forces are known [ns]."""
+        """End of the history [ns]."""
         return self._times[-1]
 
     @property
     def oldest_ns(self) -> int:
-        """The instant from which on they are [ns]."""
+        """Start of the history [ns]."""
         return self._times[0]
 
     def record(self, time_ns: int, forces: NDArray[np.float64]) -> None:
-        """Note that these forces, shape (N, 3) [N], were held since the last instant until this one."""
+        """Append forces, shape (N, 3) [N], that were constant from the last instant until this one."""
         last = self._added[-1]
         np.divide(forces, self._mass_kg, out=last[2])
         grown = np.dot(_held((time_ns - self._times[-1]) * NANOSECOND), last.reshape(3, -1))
@@ -130,9 +130,9 @@ class History:
             self._added.popleft()
 
     def added(self, message: Message) -> NDArray[np.float64]:
-        """What the forces have added to the pairs of a message since its instant, shape (2, 3m) [m, m/s].
+        """Change of positions and velocities of a message's pairs by the forces since its stamp, (2, 3m) [m, m/s].
 
-        Exact for forces that are held from each instant of the record to the next; the message lies within it.
+        Exact for forces that are constant between the instants of the history, which must include the stamp.
         """
         if message.time_ns >= self._times[-1]:
             return np.zeros((2, len(message.values) // 2))
@@ -147,26 +147,26 @@ class History:
 
 @lru_cache(maxsize=256)
 def _held(seconds: float) -> NDArray[np.float64]:
-    """(positions, velocities, accelerations) after so long under these accelerations; none are known thereafter."""
+    """Map from (positions, velocities, accelerations) to those after so long, with accelerations 0 thereafter."""
     return np.array([[1.0, seconds, seconds**2 / 2], [0.0, 1.0, seconds], [0.0, 0.0, 0.0]])
 
 
 def run_forward(
     model: FormationModel, history: History, message: Message, covariance: NDArray[np.float64]
 ) -> Observation:
-    """A message as an observation of now: moved by the known forces, and less certain by what nobody knows.
+    """Propagate a message to now, as an observation: by the known forces, with process noise added.
 
     t⁺ = Φ t + Σ Φ B u,  N⁺ = Φ N Φᵀ + Q(age + unseen), with Φ over the age for the values, and over the time since the
     sender last saw the vehicle for the covariance.
 
-    What nobody knows has moved the own prediction as well. An update that takes the two errors as independent claims
-    too much, the more the older the message is; covariance intersection does not.
+    The unknown accelerations have changed the own prediction as well. An update that assumes independent errors is
+    therefore overconfident, the more the older the message is; covariance intersection is not.
 
     Args:
         model: dynamics and noise.
-        history: the forces since the message's instant.
+        history: the forces since the message's stamp.
         message: not older than the history.
-        covariance: N, of the message's values at its instant, shape (6m, 6m).
+        covariance: N, of the message's values at its stamp, shape (6m, 6m).
     """
     age_ns = history.now_ns - message.time_ns
     now = history.added(message)

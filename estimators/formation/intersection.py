@@ -1,4 +1,4 @@
-"""Covariance intersection: fusing what may be known already, without ever claiming to know more than is known."""
+"""Covariance intersection: fusion of observations whose correlation with the estimate is unknown."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from .model import rows
 Weighting = Literal["optimal", "fast"]
 
 LEAST_WEIGHT = 1e-3
-"""The own estimate is never thrown away altogether: what a message tells may be a part of the state only."""
+"""Smallest weight of the own estimate, which must not vanish, as a message may concern only a part of the state."""
 
 _HALVINGS = 20
 
 
 def intersect(own: FormationFilter, told: Observation, weighting: Weighting = "optimal") -> float:
-    """Fold an observation whose error is correlated with the own one in an unknown way into a filter.
+    """Update a filter with an observation whose error has an unknown correlation with the own one.
 
     P⁺⁻¹ = ω P⁻¹ + (1 − ω) HᵀN⁻¹H            Julier and Uhlmann 1997
-    which is the Kalman update from P/ω and N/(1 − ω). Whatever the correlation, P⁺ is not smaller than the covariance
-    of the error, if P and N were not. Where H sees a part of the state only, the rest pays with a factor 1/ω.
+    which is the Kalman update with P/ω and N/(1 − ω). Whatever the correlation, P⁺ is not smaller than the covariance
+    of the error, if P and N are not. If H sees only a part of the state, the rest of P grows by the factor 1/ω.
 
     Args:
-        own: the filter; it is changed, unless the message would make it worse.
-        told: the message.
-        weighting: `optimal` for the least determinant of P⁺, or `fast` for a formula.
+        own: the filter, which is changed unless the observation would increase det P.
+        told: the observation.
+        weighting: `optimal` for the smallest determinant of P⁺, or `fast` for a closed formula.
     Returns:
-        ω in (0, 1]; 1 if the message was of no use.
+        ω in (0, 1]; 1 if the observation was not used.
     """
     seen = own.belief.observed(rows(own.model.vehicles, told.pairs, told.velocities))
     weigh = optimal_weight if weighting == "optimal" else fast_weight
@@ -43,14 +43,14 @@ def intersect(own: FormationFilter, told: Observation, weighting: Weighting = "o
 
 
 def optimal_weight(seen: ArrayLike, told: ArrayLike, size: int) -> float:
-    """The ω that makes det P⁺ least.
+    """The ω that minimises det P⁺.
 
     With λ_i the eigenvalues of N⁻¹HPHᵀ, log det P⁺ − log det P = −(n − k) log ω − Σ_i log(ω + (1 − ω) λ_i), convex in
-    ω. It falls towards ω = 1 if Σ λ_i ≤ n: a message is of use only if the estimate is much less certain than it.
+    ω. The minimum is at ω = 1 if Σ λ_i ≤ n: an observation helps only if the estimate is much less certain than it.
 
     Args:
-        seen: HPHᵀ, the own covariance of what the message tells, shape (k, k).
-        told: N, the message's, shape (k, k).
+        seen: HPHᵀ, the own covariance of the observed quantities, shape (k, k).
+        told: N, covariance of the observation, shape (k, k).
         size: n, length of the state.
     Returns:
         ω, to 10⁻⁶, in [LEAST_WEIGHT, 1].
@@ -72,11 +72,11 @@ def optimal_weight(seen: ArrayLike, told: ArrayLike, size: int) -> float:
 
 
 def fast_weight(seen: NDArray[np.float64], told: NDArray[np.float64], size: int) -> float:
-    """The ω that would be optimal if the message were better by the same factor in every direction.
+    """The ω that is optimal if the observation is better by the same factor in every direction.
 
-    ω = (n − k) λ̄ / (n (λ̄ − 1)) with λ̄ = tr(N⁻¹HPHᵀ)/k, and 1 where that is above 1.
+    ω = (n − k) λ̄ / (n (λ̄ − 1)) with λ̄ = tr(N⁻¹HPHᵀ)/k, and 1 if that is above 1.
 
-    Args and returns as of `optimal_weight`.
+    Arguments and result as for `optimal_weight`.
     """
     count = len(seen)
     mean = float(np.trace(solved(told, seen))) / count

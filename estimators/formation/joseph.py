@@ -1,8 +1,8 @@
-"""What a vehicle believes of a formation, with the covariance in Joseph form, at a cost of O(N²) a step.
+"""Belief about a formation, with the covariance in Joseph form, at a cost of O(N²) per step.
 
-Everything here is in the split order of `model`: A P Aᵀ adds one half of the columns, then of the rows, to
-the other, and never multiplies dense matrices. Arrays are in Fortran's order and handed to BLAS and LAPACK as they are,
-which takes half the time of the same operations in NumPy where a matrix has 12 rows.
+All arrays are in the split order of `model`: A P Aᵀ adds one half of the columns, then of the rows, to the other half,
+without products of dense matrices. Arrays are in Fortran order and passed to BLAS and LAPACK directly, which takes half
+the time of the same operations in NumPy for 12 rows.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .model import Rows, Step
 
 
 class _Buffer:
-    """A matrix in Fortran's order, where the halves of its columns lie one after the other, and views of them."""
+    """A matrix in Fortran order, in which the halves of the columns are contiguous, and views of these."""
 
     __slots__ = ("blocks", "left", "right", "transposed", "whole")
 
@@ -27,7 +27,7 @@ class _Buffer:
 
 
 class JosephBelief:
-    """x̂ and P, the latter as a matrix.
+    """Belief with the estimate x̂ and the covariance matrix P.
 
     state: x̂, split order, shape (6n,) [m, m/s].
 
@@ -50,8 +50,8 @@ class JosephBelief:
     def predict(self, step: Step, inputs: NDArray[np.float64]) -> None:
         """x̂⁺ = A x̂ + B u,  P⁺ = A P Aᵀ + Q            Nägeli 2014, Algorithm 1, lines 1 and 2.
 
-        A adds h times the velocities to the positions: P Aᵀ adds one half of the columns to the other, and (P Aᵀ)ᵀ Aᵀ,
-        after a transposition, is A P Aᵀ.
+        A adds h times the velocities to the positions: P Aᵀ adds one half of the columns to the other, and A P Aᵀ is
+        the transpose of (P Aᵀ)ᵀ Aᵀ.
 
         Raises:
             BadInput: u is not finite; nothing is changed then.
@@ -67,12 +67,12 @@ class JosephBelief:
         self._held, self._spare = after, before
 
     def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
-        """A measurement z = H x + noise.
+        """Update with a measurement z = H x + noise.
 
         L = P Hᵀ (H P Hᵀ + R)⁻¹,  x̂⁺ = x̂ + L (z − H x̂),  P⁺ = (I − L H) P (I − L H)ᵀ + L R Lᵀ
-        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + L (R Lᵀ − H Y) with Y = P − P Hᵀ Lᵀ: it is the
-        covariance of any gain, so that the rounding of the gain does no harm; and what is not symmetric in P, by
-        rounding, decays as the errors of the estimate do. H is E ⊗ I₃, so that P Hᵀ needs a third of the products.
+        Nägeli 2014, Algorithm 1, lines 3 to 5. P⁺ is computed as Y + L (R Lᵀ − H Y) with Y = P − P Hᵀ Lᵀ, which holds
+        for any gain, so that rounding of the gain does no harm; asymmetry of P by rounding decays as the errors of the
+        estimate do. H is E ⊗ I₃, so that P Hᵀ needs a third of the products.
 
         Args:
             rows: H, k rows.

@@ -1,9 +1,9 @@
-"""Formation of point masses in relative coordinates: its dynamics, its noises and what a measured pair says of it.
+"""Formation of point masses in relative coordinates: dynamics, process noise and measurement matrices.
 
 Vehicles are numbered 0 … N−1, in the natural order of their names, and r_i = p_i − p_{i+1}, with i from 0 to N−2.
-Outside, the state is the paper's x = [r_0, v_0, r_1, v_1, …], shape (6(N−1),) [m, m/s]. Inside, the filters hold all
-positions before all velocities, [r_0, r_1, …, v_0, v_1, …], the *split* order: there, the transition acts on two
-halves, and a pair is a sum over neighbouring rows. Nobody but the filters sees it.
+Public functions use the paper's order x = [r_0, v_0, r_1, v_1, …], shape (6(N−1),) [m, m/s]. The filters internally use
+the *split* order, all positions before all velocities, [r_0, r_1, …, v_0, v_1, …]: the transition then acts on two
+halves, and a pair is a sum over adjacent rows.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ NANOSECOND = 1e-9
 
 @dataclass(frozen=True)
 class Step:
-    """What a step does, in split order.
+    """Matrices of one step, in split order.
 
-    model: of the formation.
+    model: the model of the formation.
     duration_s: its length [s].
     input_map: B, shape (6(N−1), 3N).
-    process_noise: Q, shape (6(N−1), 6(N−1)), in Fortran's order.
+    process_noise: Q, shape (6(N−1), 6(N−1)), in Fortran order.
     """
 
     model: FormationModel
@@ -48,10 +48,10 @@ class Step:
 
 
 class Rows(NamedTuple):
-    """What a measurement sees of the state, H = E ⊗ I₃, in split order, read only.
+    """Measurement matrix H = E ⊗ I₃, in split order, read only.
 
     whole: H, shape (k, 6(N−1)).
-    chains: Eᵀ, shape (2(N−1), k/3), in Fortran's order.
+    chains: Eᵀ, shape (2(N−1), k/3), in Fortran order.
     """
 
     whole: NDArray[np.float64]
@@ -60,17 +60,17 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class FormationModel:
-    """N vehicles as point masses, moved by forces that are held over a step and by accelerations that nobody knows.
+    """N vehicles as point masses, moved by forces that are constant over a step and by unknown accelerations.
 
     r̈_i = F_i/m − F_{i+1}/m,  x⁺ = A x + B u            Nägeli 2014, (4)
-    An unknown acceleration, white from step to step, alike on all axes and independent between vehicles, gives r_i
-    twice the variance W of one vehicle and makes r_i and r_{i+1} correlated by −W, as both have vehicle i+1 in them: Q
-    = D ⊗ W with D tridiagonal (−1, 2, −1).
+    The unknown accelerations are white from step to step, equal in distribution on all axes and independent between
+    vehicles. With W the variance due to one vehicle, r_i has the variance 2 W and the covariance −W with r_{i+1}, as
+    both contain vehicle i+1: Q = D ⊗ W with D tridiagonal (−1, 2, −1).
 
     vehicles: N ≥ 2.
-    step_ns: the step over which an unknown acceleration lasts, that of the camera [ns].
+    step_ns: duration of an unknown acceleration, the step of the camera [ns].
     mass_kg: m, of each vehicle.
-    acceleration_noise: its standard deviation per step, vehicle and axis [m/s²].
+    acceleration_noise: standard deviation of the unknown acceleration per step, vehicle and axis [m/s²].
     """
 
     vehicles: int
@@ -93,16 +93,16 @@ class FormationModel:
 
     @cached_property
     def split_order(self) -> NDArray[np.intp]:
-        """Where each entry of the split order stands in the paper's: x_split = x[split_order]."""
+        """Index in the paper's order of each entry of the split order: x_split = x[split_order]."""
         return np.arange(self.size).reshape(self.vehicles - 1, 2, 3).transpose(1, 0, 2).ravel()
 
     @cached_property
     def paper_order(self) -> NDArray[np.intp]:
-        """Where each entry of the paper's order stands in the split one: x = x_split[paper_order]."""
+        """Index in the split order of each entry of the paper's order: x = x_split[paper_order]."""
         return np.argsort(self.split_order)
 
     def reference(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """The state of a formation at rest at these positions, shape (N, 3) [m]; only their differences count.
+        """State of a formation at rest at these positions, shape (N, 3) [m].
 
         Raises:
             BadInput: wrong shape, or not finite.
@@ -114,9 +114,9 @@ class FormationModel:
     def noise_of(self, duration_s: float) -> tuple[float, float, float]:
         """Variances (position, cross, velocity) [m², m²/s, m²/s²] on one axis of a vehicle after d steps.
 
-        With σ the noise per step, h its length and d = duration/h, real:
-        velocity σ²h² d, cross σ²h³ d²/2, position σ²h⁴ (d³/3 − d/12), which for whole d is exactly the sum over d
-        steps; below one step, where the unknown acceleration is one and the same, position σ²h⁴ d³/4.
+        With σ the noise per step, h its length and d = duration/h, a real number:
+        velocity σ²h² d, cross σ²h³ d²/2, position σ²h⁴ (d³/3 − d/12), which for integer d is exactly the sum over d
+        steps; below one step, within which the unknown acceleration is constant, position σ²h⁴ d³/4.
         """
         step_s = self.step_ns * NANOSECOND
         steps = duration_s / step_s
@@ -130,7 +130,7 @@ class FormationModel:
 
     @cached_property
     def pair(self) -> FormationModel:
-        """The model of two of the vehicles: that of what is told of a pair."""
+        """The model of two of the vehicles, for messages on a pair."""
         return replace(self, vehicles=2)
 
     @cached_property
@@ -149,11 +149,11 @@ class FormationModel:
         return tuple(np.kron(np.kron(shared, part), np.eye(3)) for part in parts)
 
     def step(self, duration_ns: int) -> Step:
-        """What a step of this duration does; those asked for lately are kept, for all models that are equal."""
+        """Matrices of a step of this duration; cached, also between equal models."""
         return self._steps(duration_ns)
 
     def transition(self, duration_s: float) -> NDArray[np.float64]:
-        """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do without."""
+        """A of Nägeli 2014, Sec. II-B, dense, shape (6(N−1), 6(N−1)); the filters do not need it."""
         return self._standing + duration_s * self._coupling
 
     def input_map(self, duration_s: float) -> NDArray[np.float64]:
@@ -168,7 +168,7 @@ class FormationModel:
         return position * on_position + cross * on_both + velocity * on_velocity
 
     def noise_root(self, duration_s: float) -> NDArray[np.float64]:
-        """G with G Gᵀ = Q: what each vehicle's own two noises do to the state, shape (6(N−1), 6N) [m, m/s]."""
+        """G with G Gᵀ = Q: effect of each vehicle's two independent noises on the state, (6(N−1), 6N) [m, m/s]."""
         position, cross, velocity = self.noise_of(duration_s)
         deviation = velocity**0.5
         shared = cross / deviation if duration_s else 0.0
@@ -177,7 +177,7 @@ class FormationModel:
         return root
 
     def output_map(self, pairs: Sequence[Pair], *, velocities: bool = False) -> NDArray[np.float64]:
-        """C, or H where velocities are told too, of Nägeli 2014, Sec. II-B, dense, rows in the order of the pairs.
+        """C, or H with velocities, of Nägeli 2014, Sec. II-B, dense, rows in the order of the pairs.
 
         Returns:
             Shape (3m, 6(N−1)), or (6m, 6(N−1)): position, then velocity, of each of the m pairs.
@@ -191,7 +191,7 @@ def check_pair(vehicles: int, pair: Pair) -> None:
     """Refuse a pair of vehicles that do not exist, or of one with itself.
 
     Raises:
-        BadInput: with the pair and the vehicles that there are.
+        BadInput: the message gives the pair and the existing vehicles.
     """
     i, j = pair
     if not (0 <= i < vehicles and 0 <= j < vehicles) or i == j:
@@ -200,7 +200,7 @@ def check_pair(vehicles: int, pair: Pair) -> None:
 
 @lru_cache(maxsize=1024)
 def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> Rows:
-    """C, or H where velocities are told too, of m pairs, k = 3m or 6m.
+    """C, or H with velocities, of m pairs, k = 3m or 6m.
 
     p_i − p_j = r_i + … + r_{j−1} for i < j, and its negative for i > j.
 
@@ -222,7 +222,7 @@ def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> Rows:
 
 
 def _incidence(vehicles: int) -> NDArray[np.float64]:
-    """Rows e_i − e_{i+1}, shape (N−1, N)."""
+    """Incidence matrix with rows e_i − e_{i+1}, shape (N−1, N)."""
     return np.eye(vehicles)[:-1] - np.eye(vehicles)[1:]
 
 

@@ -1,6 +1,6 @@
-"""What a vehicle believes of a formation, with the covariance as its root: twice the digits, at O(N³) a step.
+"""Belief about a formation in square-root form: twice the digits, at a cost of O(N³) per step.
 
-For covariances so wide apart that a matrix cannot hold them: kilometres beside micrometres in one formation.
+For covariances whose entries differ too much for a matrix, such as kilometres and micrometres in one formation.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .model import Rows, Step
 
 
 class SquareRootBelief:
-    """x̂ and P = S Sᵀ, the latter as its lower triangular root S.
+    """Belief with the estimate x̂ and the lower triangular root S of P = S Sᵀ.
 
     state: x̂, split order, shape (6n,) [m, m/s].
 
@@ -50,7 +50,7 @@ class SquareRootBelief:
         self._root = _triangular(np.hstack([moved, step.noise_root]))
 
     def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
-        """A measurement z = H x + noise.
+        """Update with a measurement z = H x + noise.
 
         [[E, 0], [G, S⁺]] = [[R^½, H S], [0, S]] Θ,  x̂⁺ = x̂ + G E⁻¹ (z − H x̂)            Kaminski, Bryson, Schmidt 1971
 
@@ -85,6 +85,6 @@ class SquareRootBelief:
 
 
 def _triangular(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A lower triangular T with T Tᵀ = M Mᵀ."""
+    """Lower triangular T with T Tᵀ = M Mᵀ."""
     upper: NDArray[Any] = np.linalg.qr(array.T).R
     return np.ascontiguousarray(upper.T)

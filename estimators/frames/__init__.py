@@ -1,1 +1,1 @@
-"""Frames on which vehicles agree, Nägeli 2014: attitude from inertial measurements, and consensus on SO(3)."""
+"""A common inertial frame of all vehicles, Nägeli 2014: attitude from inertial measurements, and consensus on SO(3)."""

@@ -1,14 +1,14 @@
-"""One agent's inertial frame: its own from its IMU, and a correction on which it agrees with its neighbours.
+"""One agent's inertial frame: a local frame from its IMU, and a correction by consensus with its neighbours.
 
-The filter of `inertial_frame` gives a new attitude with each reading of the IMU, many in the time between two messages.
-What consensus has found must outlast them, so it acts on a correction C of the frame, q = C ⊙ q_local, and not on the
-attitude itself: C changes in `agree` only. As Γ_ij ⊙ q_local,i* is free of the body's own rotation, a message that is
-old by its latency is compared with the local attitude at the time at which it was taken, which is the same as carrying
-it forward by the rotation since then.
+The filter of `inertial_frame` computes a new attitude with each reading of the IMU, many between two messages. The
+result of consensus must persist, so consensus changes a correction C of the frame, q = C ⊙ q_local, instead of the
+attitude; only `agree` changes C. A message is compared with the local attitude at the time at which it was taken. This
+is the same as propagating the message by the rotation of the body since then, because Γ_ij ⊙ q_local,i* does not depend
+on that rotation.
 
-Noise on the relative orientations makes the common frame of all agents wander, as nothing in consensus holds it. An
-`anchor` κ > 0 makes the own frame one more neighbour, Γ = q_local, of weight κ/ε: the common frame then stays near the
-mean of the local ones, and of their differences a part κ/(κ + ε λ) remains in the mode λ of the Laplacian.
+Noise on the relative orientations makes the common frame of all agents drift, as consensus does not fix it. An
+`anchor` κ > 0 treats the local frame as one more neighbour, Γ = q_local, of weight κ/ε: the common frame then stays
+near the mean of the local ones, and a part κ/(κ + ε λ) of their differences remains in the mode λ of the Laplacian.
 """
 
 from __future__ import annotations
@@ -55,17 +55,17 @@ class FrameConsensus:
     """State machine of one agent: `predict` and `update` with the IMU, `heard` and `agree` with the neighbours.
 
     Args:
-        name: of the agent, for messages of errors.
+        name: name of the agent, for error messages.
         weights: neighbour → a_ij > 0, dimensionless.
-        step: ε, dimensionless; `check_step` holds it against the whole graph, here against the own weights only.
+        step: ε, dimensionless; checked against the own weights here, and against the whole graph by `check_step`.
         model: of the IMU.
-        anchor: κ in [0, 1), how far one step pulls the frame back to the local one, dimensionless.
-        upright: standard deviation of the tilt [rad] with which it begins, if it is known to begin upright, as on the
-            ground; None: in any attitude, and what force is read first is taken for up.
-        memory_ns: how far back attitudes are remembered, and so how old a message may be [ns].
+        anchor: κ in [0, 1), fraction by which one step moves the frame back to the local one, dimensionless.
+        upright: standard deviation of the initial tilt [rad], if the body starts upright, as on the ground; None for
+            any initial attitude, when the first specific force is taken as up.
+        memory_ns: how long attitudes are kept, the largest age of a message [ns].
     Raises:
-        BadInput: a weight that is not positive or the agent's own, a step that cannot converge, an `upright` that is
-            not positive, or no memory.
+        BadInput: a weight that is not positive or is that of the agent itself, a step that cannot converge, an
+            `upright` that is not positive, or a memory that is not above 0.
     """
 
     def __init__(
@@ -100,10 +100,10 @@ class FrameConsensus:
         self._newest: dict[str, int] = {}
 
     def weigh(self, weights: Mapping[str, float]) -> None:
-        """Count these neighbours from now on; what was heard of others is forgotten.
+        """Replace the weights of the neighbours, and discard messages of other agents.
 
         Raises:
-            BadInput: as for a new one.
+            BadInput: as for a new `FrameConsensus`.
         """
         if self.name in weights or not all(weight > 0.0 for weight in weights.values()):
             raise BadInput(f"weights at {self.name} are {dict(weights)}: give positive ones, of neighbours only")
@@ -114,10 +114,10 @@ class FrameConsensus:
         self._weights = {**weights, self.name: self._anchor / step}
         self._frames = {name: frame for name, frame in self._frames.items() if name in weights}
 
-    # -- The own frame --------------------------------------------------------------------------------------------
+    # -- The local frame ------------------------------------------------------------------------------------------
 
     def predict(self, time_ns: int) -> None:
-        """Carry the estimate forward to this instant [ns], in steps as short as they must be; never back."""
+        """Predict to this instant [ns] in steps of at most LONGEST_STEP_S; do nothing for an earlier instant."""
         if self._estimate is not None:
             for from_ns in range(self._now_ns, time_ns, _STEP_NS):
                 step_ns = min(_STEP_NS, time_ns - from_ns)
@@ -131,7 +131,7 @@ class FrameConsensus:
         accelerometer: Reading | None = None,
         magnetometer: Reading | None = None,
     ) -> None:
-        """Take in readings of this instant, as `inertial_frame.update`; the first two directions start the filter."""
+        """Update with readings of this instant, as `inertial_frame.update`; the first directions start the filter."""
         if self._estimate is None:
             for what, reading in (("force", accelerometer), ("field", magnetometer)):
                 if reading is not None:
@@ -152,17 +152,17 @@ class FrameConsensus:
         self._states[-1], self._known[-1] = self._estimate.state, None
 
     def _read(self, place: int) -> Floats:
-        """The attitude that the readings at one of the remembered instants imply, worked out once."""
+        """Attitude implied by the state at one of the kept instants, computed once."""
         known = self._known[place]
         if known is None:
             self._known[place] = known = implied_attitude(self._states[place])
         return known
 
     def local_attitude(self, time_ns: int | None = None) -> Floats | None:
-        """The attitude in the own frame (4,), now or at an instant [ns]; None where it is not known.
+        """Attitude in the local frame (4,), now or at an instant [ns]; None if unknown.
 
-        Between two readings it is interpolated along the shortest rotation; after the last it follows the estimated
-        rates, for at most LONGEST_STEP_S. Not known: before the first reading, or longer ago than the memory.
+        It is interpolated between readings along the shortest rotation, and extrapolated after the last one with the
+        estimated rates, for at most LONGEST_STEP_S. It is unknown before the first reading or beyond the memory.
         """
         when_ns = self._now_ns if time_ns is None else time_ns
         after = bisect_right(self._times, when_ns)
@@ -180,38 +180,39 @@ class FrameConsensus:
         share = passed_ns / (self._times[after] - self._times[after - 1])
         return quaternion_product(before, exp_quaternion(share * turn))
 
-    # -- The frame of all -----------------------------------------------------------------------------------------
+    # -- The common frame -----------------------------------------------------------------------------------------
 
     def attitude(self, time_ns: int | None = None) -> Floats | None:
-        """The attitude in the agreed frame (4,), C ⊙ q_local, now or at an instant [ns]; None where it is not known."""
+        """Attitude in the common frame (4,), C ⊙ q_local, now or at an instant [ns]; None if unknown."""
         local = self.local_attitude(time_ns)
         return None if local is None else quaternion_product(self.correction, local)
 
     def message(self, neighbour: str, relative: Floats, taken_ns: int) -> Floats | None:
-        """What to tell a neighbour that was seen: Γ (4,), to be sent with its stamp; None where it is not known.
+        """Message to a neighbour that was seen: Γ (4,), to be sent with its stamp; None if unknown.
 
         Args:
-            neighbour: who was seen.
-            relative: its orientation ξ, its body → the own body, (4,).
+            neighbour: the neighbour seen.
+            relative: its relative orientation ξ, its body → the own body, (4,).
             taken_ns: when it was seen [ns].
         Raises:
-            BadInput: it is not a neighbour.
+            BadInput: not a neighbour.
         """
         check_neighbour(neighbour, self._neighbours())
         attitude = self.attitude(taken_ns)
         return None if attitude is None else seen_attitude(attitude, relative)
 
     def heard(self, neighbour: str, attitude: Floats, taken_ns: int) -> bool:
-        """Keep what a neighbour says of the own attitude, for the next `agree`; whether it could be used.
+        """Store a neighbour's message on the own attitude for the next `agree`; return whether it can be used.
 
-        Not used: what was taken no later than what was heard of it before, or at a time that is not remembered.
+        It cannot if it is not newer than the last one of this neighbour, or if the local attitude at its stamp is
+        unknown.
 
         Args:
-            neighbour: who says so.
-            attitude: Γ (4,); lengths other than 1, as narrow payloads have them, are put right.
-            taken_ns: when it saw, the message's stamp [ns].
+            neighbour: the sender.
+            attitude: Γ (4,); normalised here, as the encoding may change its norm.
+            taken_ns: when the neighbour saw this agent, the message's stamp [ns].
         Raises:
-            BadInput: it is not a neighbour, or the quaternion has no direction.
+            BadInput: not a neighbour, or a zero quaternion.
         """
         check_neighbour(neighbour, self._neighbours())
         said = normalised(attitude)
@@ -223,12 +224,12 @@ class FrameConsensus:
         return True
 
     def agree(self) -> float | None:
-        """One step of consensus with those heard since the last one; each message counts once.
+        """One step of consensus with the messages received since the last step; each is used once.
 
-        C⁺ = C exp(ε Σ_j a_ij log(Cᵀ E_j)) with E_j = Γ_ij q_local,i*: line 8 of Algorithm 2, moved to the frames
+        C⁺ = C exp(ε Σ_j a_ij log(Cᵀ E_j)) with E_j = Γ_ij q_local,i*: line 8 of Algorithm 2 for the frames
 
         Returns:
-            Root mean square of the angles to the neighbours' frames [rad]; None, and no step, if nobody was heard.
+            Root mean square of the angles to the neighbours' frames [rad]; None, without a step, if no message came.
         """
         if not self._frames:
             return None

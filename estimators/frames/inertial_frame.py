@@ -1,9 +1,9 @@
-"""The own inertial frame from an inertial measurement unit: an extended Kalman filter, and the attitude it implies.
+"""The local inertial frame from an inertial measurement unit: an extended Kalman filter, and the attitude it implies.
 
 The inertial frame is that of (3): x magnetic north, y west, z up, so that thrust is R (0, 0, T). It is the frame north,
-east, down turned by half a turn about x: down = −up, east = −west. An accelerometer measures specific force; at hover
-it reads +g along body z, the direction of up. In flight whose only force is thrust along body z it reads the direction
-of that force and not up: its noise must cover such manoeuvres, and what that costs is said in `imu_model`.
+east, down rotated by 180° about x: down = −up, east = −west. An accelerometer measures specific force; at hover it
+reads +g along body z, the direction of up. In manoeuvres it reads the direction of thrust and not of up: its assumed
+noise must cover them, with the consequence described in `imu_model`.
 
 Letters: ω body rates [rad/s], a specific force [m/s²], μ magnetic field [any unit], all in body coordinates;
 x = (ω, a, μ) (9,), P its covariance, J inertia [kg m²], F the Jacobian of the prediction.  Nägeli 2014, Algorithm 2
@@ -29,7 +29,7 @@ Reading = Floats | Sequence[float]
 """Three numbers."""
 
 LONGEST_STEP_S = 0.1
-"""Longer, and the forward Euler step of (1) no longer follows: at 2 rad/s it adds 2 % to the rates in each step."""
+"""Longest step [s]: a forward Euler step of (1) of this length at 2 rad/s adds 2 % to the rates."""
 
 _RATES, _FORCE, _FIELD = slice(0, 3), slice(3, 6), slice(6, 9)
 _UNCHANGED = np.eye(9)
@@ -39,10 +39,10 @@ _UPRIGHT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ImuModel:
-    """What the filter believes of the vehicle and of its sensors.
+    """The filter's model of the vehicle and of its sensors.
 
-    `inertia` J, shape (3, 3) [kg m²]; `process`, covariance of (ω, a, μ) that a second adds, shape (9, 9); `noise`,
-    covariance of one reading of gyro, accelerometer and magnetometer, shape (9, 9).
+    `inertia` J, shape (3, 3) [kg m²]; `process`, process noise covariance of (ω, a, μ) per second, shape (9, 9);
+    `noise`, covariance of one reading of gyro, accelerometer and magnetometer, shape (9, 9).
 
     Raises:
         BadInput: a matrix of another shape, not symmetric, or not positive definite.
@@ -56,7 +56,7 @@ class ImuModel:
     """∂f/∂ω of f = −J⁻¹ (ω × J ω), row by row, is this (9, 3) times ω; f, being quadratic, is half of that times ω."""
 
     def __post_init__(self) -> None:
-        """Check all three, and work out what (1) needs in each step."""
+        """Check all three, and compute the constant matrix of (1)."""
         for name, size in (("inertia", 3), ("process", 9), ("noise", 9)):
             object.__setattr__(self, name, _positive(getattr(self, name), size, name))
         J = self.inertia
@@ -76,18 +76,18 @@ def imu_model(
     noise: tuple[float, float, float],
     walk: tuple[float, float, float],
 ) -> ImuModel:
-    """The model with one standard deviation for each triple of (ω, a, μ).
+    """The model with one standard deviation for each of the vectors ω, a, μ.
 
-    Where gyros are good, a follows the accelerometer with the time constant τ = noise·√dt / walk, noise and walk of a
-    and dt the time between readings: short against the drift of the gyro, whose bias b tilts the frame by b·τ, and long
-    against manoeuvres. Rates follow the gyro if their walk is that of torques that the filter does not know.
+    With good gyros, a follows the accelerometer with the time constant τ = noise·√dt / walk, with noise and walk of a
+    and dt the time between readings. It should be short, as a gyro bias b tilts the frame by b·τ, and long compared to
+    manoeuvres. Rates follow the gyro if their walk covers the unknown torques.
 
     Args:
         inertia: J, shape (3, 3) [kg m²].
         noise: of one reading, [rad/s], [m/s²], [unit of the magnetometer].
-        walk: what a second adds, [rad/s/√s], [m/s²/√s], [unit/√s].
+        walk: random walk, [rad/s/√s], [m/s²/√s], [unit/√s].
     Raises:
-        BadInput: a deviation that is not positive, or an inertia that is none.
+        BadInput: a deviation that is not positive, or an invalid inertia.
     """
     diagonals = []
     for what, deviations in (("noise", noise), ("walk", walk)):
@@ -98,14 +98,14 @@ def imu_model(
 
 
 def at_rest(force: ArrayLike, field: ArrayLike, model: ImuModel, upright: float | None = None) -> ImuEstimate:
-    """The estimate to begin with: directions as first read, no rotation, but rates as unknown as a second makes them.
+    """Initial estimate: directions from the first readings; zero rates, with the process noise of one second added.
 
     Args:
         force: specific force a, shape (3,) [m/s²].
         field: magnetic field μ, shape (3,) [unit of the magnetometer].
         model: for the covariance.
-        upright: standard deviation [rad] about x and y of a body that is known to stand upright, as on the ground: of
-            the force only its size counts then. None for a body in any attitude.
+        upright: standard deviation [rad] about x and y of a body that starts upright, as on the ground; only the norm
+            of the force is used then. None for any attitude.
     Raises:
         BadInput: a deviation that is not positive.
     """
@@ -122,7 +122,7 @@ def at_rest(force: ArrayLike, field: ArrayLike, model: ImuModel, upright: float 
 
 
 def check_upright(upright: float) -> None:
-    """Refuse a standard deviation of a tilt that is none.
+    """Check the standard deviation of the initial tilt.
 
     Raises:
         BadInput: it is not positive and finite.
@@ -132,13 +132,13 @@ def check_upright(upright: float) -> None:
 
 
 def predict(estimate: ImuEstimate, model: ImuModel, dt_s: float) -> ImuEstimate:
-    """The estimate dt_s seconds later; torques are unknown, and directions turn against the body.
+    """Predict by dt_s seconds; torques are unknown, and directions rotate opposite to the body.
 
     ω⁺ = ω − dt J⁻¹ (ω × J ω),  a⁺ = exp(−skew(ω⁺) dt) a,  μ⁺ likewise,  P⁺ = F P Fᵀ + G Q Gᵀ dt
         Nägeli 2014, Algorithm 2, lines 1–3, with the dt that line 1 lacks and the sign that line 2 needs
 
-    Torques come while the body turns, so that what they change of ω turns a and μ through half of the step: G is 1 with
-    half of ∂(a, μ)⁺/∂ω. The gyro's next reading then corrects the directions too, as the trapezoidal rule does.
+    Unknown torques change ω during the step, so that their effect on a and μ is that of half a step: G is 1 with half
+    of ∂(a, μ)⁺/∂ω. The gyro's next reading then corrects the directions too, as in the trapezoidal rule.
 
     Raises:
         BadInput: a step that is not positive, or longer than LONGEST_STEP_S.
@@ -155,7 +155,7 @@ def propagate(state: Floats, model: ImuModel, dt_s: float) -> tuple[Floats, Floa
     """The predicted state, shape (9,), and the Jacobian F of the prediction, shape (9, 9).
 
     D = ∂ω⁺/∂ω = 1 + dt J⁻¹ (skew(Jω) − skew(ω) J),  ∂a⁺/∂a = E = exp(−skew(θ)),  ∂a⁺/∂ω = dt skew(a⁺) V D,  θ = dt ω⁺
-    V is the right Jacobian of SO(3): exp(skew(θ + δ)) ≈ exp(skew(θ)) exp(skew(V δ)), so that E turns by −V δ.
+    V is the right Jacobian of SO(3): exp(skew(θ + δ)) ≈ exp(skew(θ)) exp(skew(V δ)), so that E rotates by −V δ.
     """
     x, y, z, *directions = state.tolist()
     a, b, c, d, e, f, g, h, i = (dt_s * model.gyration.dot(state[_RATES])).tolist()
@@ -182,13 +182,13 @@ def update(
     accelerometer: Reading | None = None,
     magnetometer: Reading | None = None,
 ) -> ImuEstimate:
-    """The estimate after one reading of each sensor that gave one.
+    """Update the estimate with one reading of each of some sensors.
 
     L = P Cᵀ (C P Cᵀ + R)⁻¹,  x⁺ = x + L (z − C x),  P⁺ = (1 − L C) P
-        Nägeli 2014, Algorithm 2, lines 4–6; C = 1 where all three give readings
+        Nägeli 2014, Algorithm 2, lines 4–6; C = 1 with readings of all three
 
     Args:
-        estimate: a priori.
+        estimate: the predicted estimate.
         model: for R.
         gyro: shape (3,) [rad/s].
         accelerometer: specific force, shape (3,) [m/s²].
@@ -215,10 +215,11 @@ def update(
 
 
 def implied_attitude(state: Floats) -> Floats:
-    """The attitude that the estimated directions imply, a unit quaternion, body → north, west, up.
+    """Attitude implied by the estimated directions, a unit quaternion, body → north, west, up.
 
     up = a / ‖a‖,  west = up × μ / ‖up × μ‖,  north = west × up: the rows of R
-        Nägeli 2014, Algorithm 2, line 7, turned half about north: there down = −a, east = down × μ, north = east × down
+        Nägeli 2014, Algorithm 2, line 7, rotated by 180° about north: there down = −a, east = down × μ, north =
+        east × down
 
     Raises:
         BadInput: a is zero, or μ is parallel to it, so that there is no north.
@@ -238,14 +239,14 @@ def implied_attitude(state: Floats) -> Floats:
 
 
 def _checked(readings: Sequence[Reading]) -> Floats:
-    """The readings one after another; finite numbers, three of each sensor."""
+    """The readings in one array; each must be three finite numbers."""
     z = np.concatenate(readings)
     if {*map(len, readings)} != {3} or not math.isfinite(z.dot(z)):
         raise BadInput(f"a reading is three finite numbers: these are {[list(values) for values in readings]}")
     return z
 
 
-# -- Matrices as nine numbers, row by row: at this size many times as fast as arrays ------------------------------
+# -- Matrices as tuples of nine numbers, by rows: much faster than arrays at this size -----------------------------
 
 _Nine = tuple[float, ...]
 
@@ -295,7 +296,7 @@ def _crossed(x: float, y: float, z: float, P: _Nine) -> _Nine:
 
 
 def _positive(values: ArrayLike, size: int, name: str) -> Floats:
-    """The matrix, which has to be symmetric and positive definite."""
+    """The matrix as an array; it must be symmetric and positive definite."""
     matrix = as_array(values, (size, size), name)
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
         raise BadInput(f"{name} is not symmetric: {matrix.tolist()}")

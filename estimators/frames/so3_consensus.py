@@ -1,8 +1,8 @@
-"""Consensus on SO(3): agents that see each other's orientation agree on one inertial frame.
+"""Consensus on SO(3): agents that measure each other's relative orientation agree on one inertial frame.
 
-Letters: q_i attitude of agent i in its own frame, ξ orientation of i relative to j as j sees it, body i → body j;
-γ_ij = q_j ⊙ ξ what j says of i's attitude, a_ij ≥ 0 how much i counts it, ε the step.  Nägeli 2014, Algorithm 2.
-All rotations are unit quaternions (4,) of the convention of `rotations`.
+Letters: q_i attitude of agent i in its own frame, ξ orientation of i relative to j as measured by j, body i → body j;
+γ_ij = q_j ⊙ ξ attitude of i by j, a_ij ≥ 0 its weight at i, ε the step.  Nägeli 2014, Algorithm 2.
+All rotations are unit quaternions (4,) in the convention of `rotations`.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ _ZERO = 1e-9
 
 
 def seen_attitude(attitude: Floats, relative: Floats) -> Floats:
-    """What an agent says of the attitude of a neighbour that it sees, (4,): Γ = R ξ.
+    """Attitude of a neighbour, as determined by an agent that sees it, (4,): Γ = R ξ.
 
-    Nägeli 2014, Algorithm 2, line 9, in the order that the frames need
+    Nägeli 2014, Algorithm 2, line 9, with the factors in the order that the frames require
 
     Args:
-        attitude: of the agent that sees, its body → its inertial frame, (4,).
-        relative: ξ, body of the neighbour → body of the agent that sees, (4,).
+        attitude: of the observing agent, its body → its inertial frame, (4,).
+        relative: ξ, body of the neighbour → body of the observing agent, (4,).
     """
     return quaternion_product(attitude, relative)
 
 
 def consensus_step(attitude: Floats, heard: Mapping[str, Floats], weights: Mapping[str, float], step: float) -> Floats:
-    """The attitude (4,) after one step towards what the neighbours say of it.
+    """The attitude (4,) after one step towards the attitudes Γ_ij determined by the neighbours.
 
     R⁺ = R exp(ε Σ_j a_ij log(Rᵀ Γ_ij))            Nägeli 2014, Algorithm 2, line 8; Tron, Vidal and Terzis 2008
 
-    A neighbour that was not heard counts nothing in this step.
+    Neighbours without a message are left out.
 
     Args:
         attitude: R_i, (4,).
@@ -54,7 +54,7 @@ def consensus_step(attitude: Floats, heard: Mapping[str, Floats], weights: Mappi
         weights: neighbour → a_ij, dimensionless, ≥ 0.
         step: ε, dimensionless; see `check_step`.
     Raises:
-        BadInput: somebody was heard who has no weight.
+        BadInput: a sender without a weight.
     """
     pull = np.zeros(3)
     for name, said in heard.items():
@@ -64,17 +64,17 @@ def consensus_step(attitude: Floats, heard: Mapping[str, Floats], weights: Mappi
 
 
 def step_bound(weights: Mapping[str, Mapping[str, float]], anchor: float = 0.0) -> float:
-    """The step ε at which consensus stops to converge, for attitudes that are near each other.
+    """Upper bound of the step ε for convergence of consensus, for attitudes that are near each other.
 
-    Of x⁺ = ((1 − κ) 1 − ε L) x every mode but the common one must shrink, |1 − κ − ε λ| < 1, so for symmetric weights
-    ε < (2 − κ) / λ_max, and 2 / λ_max without anchor κ; L is the Laplacian of the weights.
+    In x⁺ = ((1 − κ) 1 − ε L) x every mode except the common one must decay, |1 − κ − ε λ| < 1. For symmetric weights
+    this is ε < (2 − κ) / λ_max, and 2 / λ_max without anchor κ; L is the Laplacian of the weights.
 
     Args:
-        weights: agent → neighbour → a_ij ≥ 0; who is not named is not heard, and it need not be mutual.
+        weights: agent → neighbour → a_ij ≥ 0, 0 for agents that are not named; need not be symmetric.
         anchor: κ, see `FrameConsensus`, in [0, 1).
     Raises:
-        BadInput: a negative weight, a weight for the agent itself or a stranger, nobody hears anybody, or an anchor
-            out of its bounds.
+        BadInput: a negative weight, a weight for the agent itself or an unknown agent, no positive weight at all, or an
+            anchor out of bounds.
     """
     check_anchor(anchor)
     places = {name: place for place, name in enumerate(weights)}
@@ -94,10 +94,10 @@ def step_bound(weights: Mapping[str, Mapping[str, float]], anchor: float = 0.0) 
 
 
 def check_step(step: float, weights: Mapping[str, Mapping[str, float]], anchor: float = 0.0) -> None:
-    """Refuse a step at which consensus on this graph does not converge.
+    """Refuse a step with which consensus on this graph does not converge.
 
     Raises:
-        BadInput: it is not above 0 and below `step_bound`; the message has the bound.
+        BadInput: it is not above 0 and below `step_bound`; the message gives the bound.
     """
     bound = step_bound(weights, anchor)
     if not 0.0 < step < bound * (1.0 - _ZERO):
@@ -105,16 +105,16 @@ def check_step(step: float, weights: Mapping[str, Mapping[str, float]], anchor: 
 
 
 def check_anchor(anchor: float) -> None:
-    """Refuse an anchor that is no fraction.
+    """Refuse an anchor that is not in [0, 1).
 
     Raises:
-        BadInput: it is not in [0, 1).
+        BadInput: it is not.
     """
     if not 0.0 <= anchor < 1.0:
         raise BadInput(f"anchor is {anchor:g}: must be at least 0, no pull to the own frame, and below 1, nothing else")
 
 
 def disagreement(attitudes: Floats) -> float:
-    """Root mean square of the angles [rad] between N attitudes, or frames, (N, 4), and their mean."""
+    """Root mean square angle [rad] between N attitudes or frames, (N, 4), and their mean."""
     mean = mean_quaternion(attitudes)
     return float(np.sqrt(np.mean([angle_between(mean, each) ** 2 for each in attitudes])))

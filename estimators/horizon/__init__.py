@@ -1,1 +1,1 @@
-"""Moving horizon estimation, Bassolillo 2025: models with an error state, and windows of them with bounds."""
+"""Moving horizon estimation, Bassolillo 2025: error-state models, and windows of measurements with bounds."""

@@ -1,4 +1,4 @@
-"""The quadrotor of Bassolillo 2025 with nothing but its inertial measurement unit: attitude from gravity and north.
+"""The quadrotor of Bassolillo 2025 with only an inertial measurement unit: attitude from gravity and magnetic field.
 
 State x = (q, b_g), error δ = (θ, δb_g), inputs u = ω_s, disturbances w = (w_g, steps of the bias); letters as in
 `quadrotor_model`.
@@ -30,25 +30,25 @@ from .quadrotor_model import GRAVITY, Deviations
 Floats = NDArray[np.float64]
 
 MAGNETOMETER, ACCELEROMETER = slice(0, 3), slice(3, 6)
-"""Where the sensors' values stand among the R = 6 outputs."""
+"""Positions of the sensors' values among the R = 6 outputs."""
 _Q, _THETA, _RATES = slice(0, 4), slice(0, 3), slice(0, 3)
 
 
 @dataclass(frozen=True)
 class AttitudeModel:
-    """Configuration B: inertial measurement unit alone.
+    """Configuration B: inertial measurement unit only.
 
     q⁺ = q ⊙ exp((ω_s − b_g − w_g) T)            Bassolillo 2025, (7)
-    outputs Rᵀ M (14), −Rᵀ g for (13) with the unobservable acceleration taken for 0
+    outputs Rᵀ M (14), and −Rᵀ g for (13), assuming zero acceleration, which is unobservable
 
     Args:
         step_s: T [s].
         field: M, north-east-down [G].
-        gyroscope_bias: whether it is a state.
+        gyroscope_bias: whether the bias is a state.
         largest_gyroscope: bound of |w_g| [rad/s].
-        printed_accelerometer: (13) to the letter, +Rᵀ g.
+        printed_accelerometer: use (13) as printed, +Rᵀ g.
     Raises:
-        BadInput: a step that is not above 0, a bound that leaves no value.
+        BadInput: a step that is not above 0, or bounds that exclude every value.
     """
 
     step_s: float = 0.01
@@ -71,12 +71,12 @@ class AttitudeModel:
 
     @property
     def resting(self) -> Floats:
-        """What a gyroscope says at rest."""
+        """Reading of a gyroscope at rest."""
         return np.zeros(3)
 
     @cached_property
     def noise(self) -> Noise:
-        """Deviations and bounds, component by component."""
+        """Standard deviations and bounds of all components."""
         own = self.deviations
         walks = [own.gyroscope_walk * math.sqrt(self.step_s)] * (self.size - 3)
         return Noise(
@@ -121,13 +121,13 @@ class AttitudeModel:
         return expected, C
 
     def retract(self, states: Floats, errors: Floats) -> Floats:
-        """X ⊞ δ: q ⊙ exp(θ), the bias added."""
+        """X ⊞ δ: q ⊙ exp(θ), and the sum of the biases."""
         return retracted(states, errors)
 
     def difference(self, states: Floats, references: Floats) -> Floats:
-        """X ⊟ x̃: log(q̃* ⊙ q), the bias subtracted."""
+        """X ⊟ x̃: log(q̃* ⊙ q), and the difference of the biases."""
         return differences(states, references)
 
     def components(self, states: Floats) -> Floats:
-        """Zeros for the attitude, which has no bound, and the bias."""
+        """Bounded components: zeros for the attitude, which has no bound, and the bias."""
         return np.concatenate([np.zeros((len(states), 3)), states[:, 4:]], axis=1)

@@ -1,7 +1,7 @@
-"""Models with an error state, on an even grid in time: what estimators ask of them, and the Kalman filter's two steps.
+"""Error-state models on a uniform time grid: their interface for estimators, and the two steps of the Kalman filter.
 
 Letters: S entries of a state x, N of its error δ, U inputs u, M disturbances w, R measured values y; x ⊞ δ is the state
-that is off x by δ, and ⊟ undoes that; A, B, C are the Jacobians of errors, P a covariance (N, N).
+whose error relative to x is δ, and ⊟ the inverse; A, B, C are the Jacobians of errors, P a covariance (N, N).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Noise:
-    """How uncertain a model is, component by component.
+    """Standard deviations and bounds of a model, by component.
 
     disturbances (M,): standard deviations of w. gaps (M,): the same for a step whose inputs were not measured at both
-    ends. bounds (M,): of |w| where they were. measurements (R,): standard deviations of the noise.
-    lower, upper (N,): bounds of what `Model.components` gives.
+    ends. bounds (M,): of |w| if they were. measurements (R,): standard deviations of the noise.
+    lower, upper (N,): bounds of `Model.components`.
 
     Raises:
-        BadInput: a deviation that is not above 0, a bound that leaves no value.
+        BadInput: a deviation that is not above 0, or bounds that exclude every value.
     """
 
     disturbances: Floats
@@ -54,25 +54,25 @@ class Noise:
 
 
 class Model(Protocol):
-    """A model in discrete time; its functions take n points at once. The first U disturbances are those of the inputs.
+    """A discrete-time model; its functions take n points at once. The first U disturbances are those of the inputs.
 
-    A(n, N, N), B (n, N, M) and C (n, R, N) are the derivatives of the error of the next state and of the output, about
-    the states, inputs and disturbances given.
+    A (n, N, N) and B (n, N, M) are the derivatives of the error of the next state by error and disturbances, and
+    C (n, R, N) those of the outputs by error, at the given states, inputs and disturbances.
     """
 
     @property
     def noise(self) -> Noise:
-        """How uncertain it is."""
+        """Standard deviations and bounds."""
 
     @property
     def resting(self) -> Floats:
-        """Inputs (U,) for as long as none is known."""
+        """Inputs (U,) assumed until the first are measured."""
 
     def dynamics(self, states: Floats, inputs: Floats, disturbances: Floats) -> tuple[Floats, Floats, Floats]:
-        """Next states (n, S), A and B, of states (n, S), inputs over the step (n, U), disturbances (n, M)."""
+        """Next states (n, S), A and B, from states (n, S), inputs over the step (n, U) and disturbances (n, M)."""
 
     def outputs(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
-        """Measured values without noise (n, R) and C, of states (n, S) and inputs at that instant (n, U)."""
+        """Measured values without noise (n, R) and C, from states (n, S) and inputs at that instant (n, U)."""
 
     def retract(self, states: Floats, errors: Floats) -> Floats:
         """X ⊞ δ, (n, S), of states (n, S) and errors (n, N)."""
@@ -81,14 +81,14 @@ class Model(Protocol):
         """X ⊟ x̃, (n, N), of states (n, S) and references (n, S)."""
 
     def components(self, states: Floats) -> Floats:
-        """What bounds apply to, (n, N): where there is a bound on it, entry i changes by just the i-th error."""
+        """Quantities to which bounds apply, (n, N); a bounded entry i must change by exactly the i-th error."""
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """Inputs of K points, completed: at the points (K, U), over the steps between them (K−1, U), and what is measured.
+    """Inputs of K points with gaps filled: at the points (K, U), and over the steps between them (K−1, U).
 
-    measured (K−1, U): whether the step's input was measured at both its ends. A step takes the mean of its ends.
+    The input of a step is the mean of its ends. measured (K−1, U): whether it was measured at both ends.
     """
 
     at_points: Floats
@@ -97,9 +97,9 @@ class Inputs:
 
 
 def completed(inputs: Floats, before: Floats) -> Inputs:
-    """Inputs (K, U) that are NaN where they are missing, on straight lines between those that are there.
+    """Fill missing inputs, which are NaN in (K, U), by linear interpolation.
 
-    Before the first that is there `before` (U,) counts for the first point, and after the last one that is held.
+    At the first point a missing input is `before` (U,); after the last measured one it stays constant.
     """
     missing = np.isnan(inputs)
     filled = inputs.copy()
@@ -115,8 +115,7 @@ def completed(inputs: Floats, before: Floats) -> Inputs:
 def step_deviations(noise: Noise, measured: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Deviations and bounds of the disturbances of steps, (n, M) each; `measured` (n, U) as in `Inputs`.
 
-    Where an input was not measured its disturbance is no noise of a sensor: the deviation is that of a gap, and the
-    bound does not hold.
+    The disturbance of an input that was not measured is not sensor noise: it has the deviation of a gap, and no bound.
     """
     others = np.ones((len(measured), len(noise.disturbances) - measured.shape[1]), dtype=bool)
     normal = np.concatenate([measured, others], axis=1)
@@ -124,28 +123,28 @@ def step_deviations(noise: Noise, measured: NDArray[np.bool_]) -> tuple[Floats, 
 
 
 def retracted(states: Floats, errors: Floats) -> Floats:
-    """X ⊞ δ for states that begin with a quaternion q: q ⊙ exp(θ), and the rest added; (n, S) and (n, S − 1)."""
+    """X ⊞ δ for states (n, S) that begin with a quaternion q, errors (n, S − 1): q ⊙ exp(θ), and sums of the rest."""
     turned = quaternion_products(states[:, :4], exp_quaternions(errors[:, :3]))
     return np.concatenate([normalised_rows(turned), states[:, 4:] + errors[:, 3:]], axis=1)
 
 
 def differences(states: Floats, references: Floats) -> Floats:
-    """X ⊟ x̃ for such states: log(q̃* ⊙ q), and the rest subtracted; (n, S − 1)."""
+    """X ⊟ x̃ for states that begin with a quaternion: log(q̃* ⊙ q), and differences of the rest; (n, S − 1)."""
     turned = quaternion_products(conjugates(references[:, :4]), states[:, :4])
     return np.concatenate([log_quaternions(turned), states[:, 4:] - references[:, 4:]], axis=1)
 
 
 def updated(error: Floats, P: Floats, C: Floats, residual: Floats, deviations: Floats) -> tuple[Floats, Floats]:
-    """Mean and covariance of an error after a measurement, the Kalman filter's update in Joseph's form.
+    """Mean and covariance of an error after a measurement: the update of the Kalman filter in Joseph form.
 
     K = P Cᵀ (C P Cᵀ + R)⁻¹, δ⁺ = δ + K (y − C δ), P⁺ = (1 − K C) P (1 − K C)ᵀ + K R Kᵀ
 
     Args:
-        error: its mean before, (N,).
-        P: its covariance before, (N, N).
-        C: (R, N).
-        residual: y, measured less expected at the reference, (R,), NaN where nothing was measured.
-        deviations: of the noise, (R,).
+        error: mean before, (N,).
+        P: covariance before, (N, N).
+        C: Jacobian of the measurement, (R, N).
+        residual: y, measured minus expected at the reference, (R,), NaN where nothing was measured.
+        deviations: standard deviations of the noise, (R,).
     """
     there = ~np.isnan(residual)
     if not there.any():
@@ -158,7 +157,7 @@ def updated(error: Floats, P: Floats, C: Floats, residual: Floats, deviations: F
 
 
 def predicted(P: Floats, A: Floats, B: Floats, deviations: Floats) -> Floats:
-    """Covariance after a step, A P Aᵀ + B Q Bᵀ with Q of these deviations (M,)."""
+    """Covariance after a step, A P Aᵀ + B Q Bᵀ; Q is diagonal with these standard deviations (M,)."""
     spread = B * deviations
     return symmetric(A @ P @ A.T + spread @ spread.T)
 
@@ -169,7 +168,7 @@ def symmetric(P: Floats) -> Floats:
 
 
 def covariance(values: Floats, size: int) -> Floats:
-    """A covariance, checked.
+    """Check a covariance, and return it as an array.
 
     Raises:
         BadInput: another shape, not symmetric, or not positive definite.

@@ -1,4 +1,4 @@
-"""The extended Kalman filter on an error state: each sample as it comes, and never again."""
+"""The error-state extended Kalman filter: each sample is used once, when it arrives."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Floats = NDArray[np.float64]
 
 
 class ErrorStateKalman:
-    """A multiplicative extended Kalman filter: errors are small, states are put right after each update.
+    """A multiplicative extended Kalman filter: the error is estimated, and the state corrected after each update.
 
     state (S,) and covariance (N, N) are those after the last update.
 
     Args:
-        model: on a grid in time.
+        model: the error-state model.
         state: (S,) at the first point, before its measurements.
         error_covariance: (N, N) of its error.
     Raises:
-        BadInput: a covariance that is not one.
+        BadInput: an invalid covariance.
     """
 
     def __init__(self, model: Model, state: Floats, error_covariance: Floats) -> None:
@@ -34,7 +34,7 @@ class ErrorStateKalman:
         self._measured = np.full(len(model.resting), np.nan)
 
     def predict(self, inputs: Floats) -> None:
-        """Go on to the next point, where these inputs (U,) are measured, NaN where they are not."""
+        """Predict to the next point, where these inputs (U,) are measured; NaN for missing ones."""
         noise = self._model.noise
         over = completed(np.array([self._measured, inputs]), self._inputs)
         deviations, _ = step_deviations(noise, over.measured)
@@ -44,12 +44,12 @@ class ErrorStateKalman:
         self._inputs, self._measured = over.at_points[1], inputs.copy()
 
     def begin(self, inputs: Floats) -> None:
-        """Take the inputs (U,) that are measured at the first point, NaN where they are not."""
+        """Set the inputs (U,) that are measured at the first point; NaN for missing ones."""
         self._measured = inputs.copy()
         self._inputs = np.where(np.isnan(inputs), self._inputs, inputs)
 
     def update(self, measured: Floats) -> None:
-        """Take what is measured at this point (R,), NaN where nothing is."""
+        """Update with the values (R,) measured at this point; NaN for missing ones."""
         expected, C = self._model.outputs(self.state[np.newaxis], self._inputs[np.newaxis])
         still = np.zeros(len(self.covariance))
         error, self.covariance = updated(
@@ -58,9 +58,9 @@ class ErrorStateKalman:
         self.state = self._model.retract(self.state[np.newaxis], error[np.newaxis])[0]
 
     def save(self) -> list[Any]:
-        """All that it has, as plain values."""
+        """The whole state of the filter, as plain values."""
         return [array.tolist() for array in (self.state, self.covariance, self._inputs, self._measured)]
 
     def restore(self, saved: Sequence[Any]) -> None:
-        """Go on from what `save` gave."""
+        """Restore the state returned by `save`."""
         self.state, self.covariance, self._inputs, self._measured = (np.array(array) for array in saved)

@@ -1,7 +1,7 @@
-"""Moving horizon estimation of a model with an error state: at every point the window of the last n steps anew.
+"""Moving horizon estimation of an error-state model: at every point, the window of the last n steps is solved again.
 
-Measurements belong to points of an even grid in time. They may come late, as long as their point is in the window, or
-not at all. Letters as in `error_state`.
+Measurements belong to points of a uniform time grid. They may arrive late, as long as their point is in the window, or
+be missing. Letters as in `error_state`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimated:
-    """What a window gives for its newest point.
+    """Estimate for the newest point of a window.
 
-    state (S,); covariance (N, N) of its error without bounds; disturbances (n, M) of the window's steps; bounded:
+    state (S,); covariance (N, N) of its error, ignoring bounds; disturbances (n, M) of the window's steps; bounded:
     whether a bound was active, so that the quadratic program was solved.
     """
 
@@ -36,21 +36,21 @@ class Estimated:
 
 
 class MovingHorizon:
-    """Moving horizon estimation: Bassolillo 2025, (24)–(29), as the errata resolve them.
+    """Moving horizon estimation: Bassolillo 2025, (24)–(29), with the errata.
 
-    The reference of the linearisation is what the window gave a point ago, its newest state predicted; each point takes
-    one step of the Gauss-Newton method. The prior of the window's first point, the arrival cost, is that of the
-    extended Kalman filter: when a point leaves, the filter takes what was measured there, late or not, and predicts the
+    The model is linearised about the result of the last point, with the newest state predicted; each point takes one
+    Gauss-Newton step. The prior of the window's first point, the arrival cost, comes from the extended Kalman filter:
+    when a point leaves the window, the filter uses all measurements of this point, late ones included, and predicts the
     next.
 
     Args:
-        model: on a grid in time.
+        model: the error-state model.
         horizon: n, the number of steps in a full window, at least 1.
         state: (S,) at the first point, before its measurements.
         error_covariance: (N, N) of its error.
         solver: of the quadratic program.
     Raises:
-        BadInput: a horizon below 1, or a covariance that is not one.
+        BadInput: a horizon below 1, or an invalid covariance.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class MovingHorizon:
 
     @property
     def first(self) -> int:
-        """The oldest point of the window; measurements of earlier ones come too late."""
+        """The oldest point of the window; measurements of earlier ones are too late."""
         return self._first
 
     @property
@@ -81,19 +81,19 @@ class MovingHorizon:
         return self._first + len(self._states) - 1
 
     def take_inputs(self, point: int, where: slice, values: Floats) -> None:
-        """Write down inputs that were measured at a point of the window."""
+        """Store inputs that were measured at a point of the window."""
         self._inputs[point - self._first, where] = values
 
     def take(self, point: int, where: slice, values: Floats) -> None:
-        """Write down what was measured at a point of the window."""
+        """Store values that were measured at a point of the window."""
         self._measured[point - self._first, where] = values
 
     def advance(self, inputs: Floats, measured: Floats) -> None:
-        """Go on to the next point, with what is measured there so far; the oldest point leaves a full window.
+        """Add the next point with its measurements so far; the oldest point leaves a full window.
 
         Args:
-            inputs: (U,), NaN where they are not measured.
-            measured: (R,), NaN likewise.
+            inputs: (U,), NaN for missing ones.
+            measured: (R,), NaN for missing ones.
         """
         if len(self._states) > self._horizon:
             self._leave()
@@ -106,7 +106,7 @@ class MovingHorizon:
         self._disturbances = np.concatenate([self._disturbances, undisturbed])
 
     def estimate(self) -> Estimated:
-        """Smooth the window as it stands.
+        """Solve the present window.
 
         Raises:
             RunFailed: the quadratic program has no solution.
@@ -117,20 +117,20 @@ class MovingHorizon:
         return Estimated(self._states[-1].copy(), smoothed.covariance, smoothed.disturbances, smoothed.bounded)
 
     def save(self) -> list[Any]:
-        """All that it has, as plain values."""
+        """The whole state of the estimator, as plain values."""
         arrays = (self._prior, self._covariance, self._before)
         tables = (self._states, self._inputs, self._measured, self._disturbances)
         return [self._first, [array.tolist() for array in arrays], [table.tolist() for table in tables]]
 
     def restore(self, saved: Sequence[Any]) -> None:
-        """Go on from what `save` gave."""
+        """Restore the state returned by `save`."""
         self._first, arrays, tables = saved
         self._prior, self._covariance, self._before = (np.array(array) for array in arrays)
         self._states, self._inputs, self._measured = (np.array(table) for table in tables[:3])
         self._disturbances = np.array(tables[3]).reshape(-1, self._disturbances.shape[1])
 
     def window(self) -> Window:
-        """The window as it stands, linearised about its reference."""
+        """The present window, linearised about its reference."""
         model, noise = self._model, self._model.noise
         inputs = completed(self._inputs, self._before)
         following, A, B = model.dynamics(self._states[:-1], inputs.of_steps, self._disturbances)
@@ -156,7 +156,7 @@ class MovingHorizon:
         )
 
     def _leave(self) -> None:
-        """The filter's update with what the oldest point measured, and its prediction of the next one."""
+        """Remove the oldest point: the filter uses its measurements, and predicts the next point."""
         model, noise = self._model, self._model.noise
         inputs: Inputs = completed(self._inputs, self._before)
         reference, w = self._states[:1], self._disturbances[:1]

@@ -1,4 +1,4 @@
-"""Convex quadratic programs, handed to a solver that is kept well elsewhere."""
+"""Convex quadratic programs, solved by external packages."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _TOLERANCE = 1e-10
 class QuadraticProgram:
     """Minimise ½ zᵀ H z + fᵀ z subject to lower ≤ z ≤ upper and low ≤ E z ≤ high.
 
-    hessian H (D, D), positive definite; gradient f, lower, upper (D,); rows E (k, D); low, high (k,). Where there is no
-    bound it is infinite.
+    hessian H (D, D), positive definite; gradient f, lower, upper (D,); rows E (k, D); low, high (k,). Missing bounds
+    are infinite.
 
     Raises:
         BadInput: a lower bound above its upper bound.
@@ -40,7 +40,7 @@ class QuadraticProgram:
     high: Floats
 
     def __post_init__(self) -> None:
-        """Check that each bound leaves room."""
+        """Check that no lower bound is above its upper bound."""
         for below, above in ((self.lower, self.upper), (self.low, self.high)):
             empty = np.flatnonzero(~(below <= above))
             if empty.size:
@@ -55,8 +55,8 @@ def solve(program: QuadraticProgram, solver: Solver = "daqp") -> Floats:
     """The minimiser, (D,).
 
     Raises:
-        BadInput: the solver is not known or not installed.
-        RunFailed: it found no solution.
+        BadInput: the solver is unknown or not installed.
+        RunFailed: the solver found no solution.
     """
     if solver not in _SOLVERS:
         raise BadInput(f"solver {solver!r} is not known: use {' or '.join(_SOLVERS)}")
@@ -67,7 +67,7 @@ def solve(program: QuadraticProgram, solver: Solver = "daqp") -> Floats:
 
 
 def _daqp(program: QuadraticProgram) -> Floats:
-    """Dual active sets (Arnström, Bemporad and Axehill 2022)."""
+    """Solve by a dual active-set method (Arnström, Bemporad and Axehill 2022)."""
     import daqp
 
     upper = np.clip(np.concatenate([program.upper, program.high]), -_UNBOUNDED, _UNBOUNDED)
@@ -82,7 +82,7 @@ def _daqp(program: QuadraticProgram) -> Floats:
 
 
 def _piqp(program: QuadraticProgram) -> Floats:
-    """A proximal interior point method (Schwan, Jiang, Kuhn and Jones 2023)."""
+    """Solve by a proximal interior-point method (Schwan, Jiang, Kuhn and Jones 2023)."""
     import piqp
 
     solver = piqp.DenseSolver()

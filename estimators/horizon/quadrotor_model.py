@@ -3,7 +3,7 @@
 State x = (q, V, z, b_g, b_a): attitude (body → inertial), velocity north-east-down [m/s], z down [m], and biases of
 gyroscope [rad/s] and accelerometer [m/s²] where they are estimated. Error δ = (θ, δV, δz, δb_g, δb_a) with q = q̃ ⊙
 exp(θ), θ in body coordinates [rad]. Inputs u = (ω_s, a_s), disturbances w = (w_g, w_a, steps of the biases).
-Letters: R = R(q), R₃ its third row, g = (0, 0, 9.81) m/s², M magnetic field [G], p place of a sensor on the body [m].
+Letters: R = R(q), R₃ its third row, g = (0, 0, 9.81) m/s², M magnetic field [G], p position of a sensor [m].
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ Floats = NDArray[np.float64]
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 MAGNETOMETER, FLOW, RANGES = slice(0, 3), slice(3, 5), slice(5, 10)
-"""Where the sensors' values stand among the R = 10 outputs; ranges: centre, front, right, back, left."""
+"""Positions of the sensors' values among the R = 10 outputs; ranges: centre, front, right, back, left."""
 GYROSCOPE, ACCELEROMETER = slice(0, 3), slice(3, 6)
-"""Where they stand among the U = 6 inputs."""
+"""Positions of the sensors' values among the U = 6 inputs."""
 _ARMS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _DOWN = np.array([0.0, 0.0, 1.0])
 _Q, _V, _Z = slice(0, 4), slice(4, 7), 7
@@ -52,14 +52,14 @@ _THETA, _DV, _DZ = slice(0, 3), slice(3, 6), 6
 
 @dataclass(frozen=True)
 class Deviations:
-    """Standard deviations that a model believes: of the sensors, Bassolillo 2025, Table I; the rest is ours.
+    """Standard deviations that a model assumes: of the sensors, Bassolillo 2025, Table I; the others are our own.
 
     gyroscope [rad/s], accelerometer [m/s²], magnetometer [G], flow [m/s], ranges [m].
-    gyroscope_gap, accelerometer_gap: of an input where its sample is missing.
-    gyroscope_walk [rad/s/√s], accelerometer_walk [m/s²/√s]: of the biases.
+    gyroscope_gap, accelerometer_gap: of an input whose sample is missing.
+    gyroscope_walk [rad/s/√s], accelerometer_walk [m/s²/√s]: random walks of the biases.
 
     Raises:
-        BadInput: one that is not above 0.
+        BadInput: one of them is not above 0.
     """
 
     gyroscope: RadiansPerSecond = 6e-6**0.5
@@ -86,21 +86,21 @@ class QuadrotorModel:
     q⁺ = q ⊙ exp((ω_s − b_g − w_g) T), V̇ = R (a_s − b_a − w_a) + g, ż = V₃          Bassolillo 2025, (7)–(13), (18)
     outputs Rᵀ M (14), the first two of Rᵀ V + ω × p (15), −(z + R₃·p) / R₃₃ (17)
 
-    The accelerometer is an input with (13) solved for the acceleration; R of the middle of the step turns it. The
-    gyroscope's noise in (15) is added to that of the flow, and ω there is less its bias.
+    The accelerometer is an input: (13) is solved for the acceleration, with R at the middle of the step. In (15) ω is
+    corrected by its bias, and the gyroscope's noise is added to that of the flow.
 
     Args:
         step_s: T [s].
-        arm: of the outer range sensors [m].
-        flow_at: place of the camera on the body [m].
+        arm: distance of the outer range sensors from the centre [m].
+        flow_at: position of the camera on the body [m].
         field: M, north-east-down [G].
         gyroscope_bias, accelerometer_bias: whether they are states.
         largest_gyroscope [rad/s], largest_accelerometer [m/s²]: bounds of |w|.
-        lowest: bound of the altitude from below [m].
-        printed_accelerometer: (13) to the letter, V̇ = R (a_s − …) − g.
-        printed_range: (17) to the letter, five times −z / R₃₃.
+        lowest: lower bound of the altitude [m].
+        printed_accelerometer: use (13) as printed, V̇ = R (a_s − …) − g.
+        printed_range: use (17) as printed, five times −z / R₃₃.
     Raises:
-        BadInput: a step or an arm that is not above 0, a bound that leaves no value.
+        BadInput: a step or an arm that is not above 0, or bounds that exclude every value.
     """
 
     step_s: float = 0.01
@@ -130,23 +130,23 @@ class QuadrotorModel:
 
     @cached_property
     def gyroscope_errors(self) -> slice:
-        """Where the gyroscope's bias stands among the errors; one further among the states."""
+        """Positions of the gyroscope's bias among the errors; among the states they are one higher."""
         return slice(7, 10) if self.gyroscope_bias else slice(7, 7)
 
     @cached_property
     def accelerometer_errors(self) -> slice:
-        """Where the accelerometer's bias stands among the errors; one further among the states."""
+        """Positions of the accelerometer's bias among the errors; among the states they are one higher."""
         start = self.gyroscope_errors.stop
         return slice(start, start + 3) if self.accelerometer_bias else slice(start, start)
 
     @cached_property
     def resting(self) -> Floats:
-        """What the inertial measurement unit says at rest and level."""
+        """Readings of the inertial measurement unit at rest and level."""
         return np.concatenate([np.zeros(3), GRAVITY if self.printed_accelerometer else -GRAVITY])
 
     @cached_property
     def noise(self) -> Noise:
-        """Deviations and bounds, component by component."""
+        """Standard deviations and bounds of all components."""
         own, root = self.deviations, math.sqrt(self.step_s)
         walks = [own.gyroscope_walk * root] * (3 * self.gyroscope_bias)
         walks += [own.accelerometer_walk * root] * (3 * self.accelerometer_bias)
@@ -175,7 +175,7 @@ class QuadrotorModel:
     def dynamics(self, states: Floats, inputs: Floats, disturbances: Floats) -> tuple[Floats, Floats, Floats]:
         """The next states, A and B; see `error_state.Model`.
 
-        A step is two half turns v = ½ ω T, exp(2 v) = exp(v) ⊙ exp(v), so its Jacobian J(2 v) is ½ (R(−v) J(v) + J(v)).
+        A step is two rotations by v = ½ ω T, exp(2 v) = exp(v) ⊙ exp(v), so J(2 v) = ½ (R(−v) J(v) + J(v)).
         """
         T, n, N = self.step_s, len(states), self.size
         rates, forces = self._corrected(states, inputs, disturbances)
@@ -229,19 +229,19 @@ class QuadrotorModel:
         return expected, C
 
     def retract(self, states: Floats, errors: Floats) -> Floats:
-        """X ⊞ δ: q ⊙ exp(θ), the rest added."""
+        """X ⊞ δ: q ⊙ exp(θ), and sums of the rest."""
         return retracted(states, errors)
 
     def difference(self, states: Floats, references: Floats) -> Floats:
-        """X ⊟ x̃: log(q̃* ⊙ q), the rest subtracted."""
+        """X ⊟ x̃: log(q̃* ⊙ q), and differences of the rest."""
         return differences(states, references)
 
     def components(self, states: Floats) -> Floats:
-        """Zeros for the attitude, which has no bound, and the rest of the state."""
+        """Bounded components: zeros for the attitude, which has no bound, and the rest of the state."""
         return np.concatenate([np.zeros((len(states), 3)), states[:, 4:]], axis=1)
 
     def _corrected(self, states: Floats, inputs: Floats, disturbances: Floats) -> tuple[Floats, Floats]:
-        """Rates and specific forces less disturbances and biases, (n, 3) each."""
+        """Rates and specific forces minus disturbances and biases, (n, 3) each."""
         less = inputs - disturbances[:, :6]
         rates, forces = less[:, GYROSCOPE], less[:, ACCELEROMETER]
         if self.gyroscope_bias:
@@ -252,5 +252,5 @@ class QuadrotorModel:
 
     @staticmethod
     def _shifted(errors: slice) -> slice:
-        """The same entries among the states, where the attitude takes one more."""
+        """Positions of errors among the states, which are one higher, as the attitude has four entries there."""
         return slice(errors.start + 1, errors.stop + 1)

@@ -1,7 +1,7 @@
-"""A window of a linearised model as one least-squares problem, condensed to its first state and its disturbances.
+"""A window of a linearised model as a least-squares problem, condensed to the first state and the disturbances.
 
-Letters: n steps; N errors of the state, M disturbances, R measured values a point; A, B, C Jacobians; d defects; w
-disturbances, σ their deviations; δ errors about the reference; ξ, η the whitened unknowns, D = N + n M of them.
+Letters: n steps; N errors of the state, M disturbances, R measured values per point; A, B, C Jacobians; d defects; w
+disturbances, σ their deviations; δ errors relative to the reference; ξ, η the D = N + n M whitened unknowns.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .quadratic_programs import QuadraticProgram, Solver, solve
 Floats = NDArray[np.float64]
 
 _AT_A_BOUND = 1e-9
-"""A bound counts as kept to this much of a standard deviation, or of a state's own unit."""
+"""Tolerance of bounds, in standard deviations of a disturbance or in the unit of a state."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Window:
 
     δ(m+1) = A δ(m) + d + B (w(m) − w̃(m)), residual(m) = C δ(m) + noise            Bassolillo 2025, (22)–(23)
 
-    A (n, N, N), B (n, N, M), defects (n, N): the model from one reference point less the next one. C (n+1, R, N),
-    residuals (n+1, R), weights (n+1, R): one over the deviation of the noise, 0 for what was not measured.
+    A (n, N, N), B (n, N, M), defects (n, N): prediction from one reference point minus the next. C (n+1, R, N),
+    residuals (n+1, R), weights (n+1, R): inverse standard deviation of the noise, 0 for missing values.
     mean (N,), factor (N, N): the prior of the first error, whose covariance is factor factorᵀ.
-    reference (n, M): w̃. deviations (n, M). bounds (n, M): |w| is at most this. lower, upper (n+1, N): of the errors.
+    reference (n, M): w̃. deviations (n, M): σ. bounds (n, M): of |w|. lower, upper (n+1, N): bounds of the errors.
     """
 
     A: Floats
@@ -59,17 +59,17 @@ class Smoothed:
 
 
 def smooth(window: Window, solver: Solver = "daqp") -> Smoothed:
-    """The errors and disturbances of least cost within their bounds.
+    """Errors and disturbances that minimise the cost within their bounds.
 
     ‖δ(0) − mean‖² / P + Σ ‖w(m)‖² / Q + Σ ‖residual(m) − C δ(m)‖² / R   Bassolillo 2025, (24)–(29), errata
 
     P, Q and R are the covariances of the prior, of w and of the noise. The unknowns are whitened, δ(0) = mean +
     factor ξ and w = σ η, so that the Hessian is 1 plus a square and no covariance is inverted. The minimum without
-    bounds, a Cholesky solve, is the fixed-interval smoother; only where that breaks a bound is the quadratic program
-    solved. The covariance is that without bounds.
+    bounds, by Cholesky factorisation, is the fixed-interval smoother; the quadratic program is solved only if that
+    minimum violates a bound. The covariance ignores bounds.
 
     Raises:
-        RunFailed: the Hessian is not positive definite, or the solver found nothing.
+        RunFailed: the Hessian is not positive definite, or the solver found no solution.
     """
     maps, offsets = _condensed(window)
     program = _program(window, maps, offsets)
@@ -107,7 +107,7 @@ def program_of(window: Window) -> QuadraticProgram:
 
 
 def _program(window: Window, maps: Floats, offsets: Floats) -> QuadraticProgram:
-    """Squares of what the measurements miss and of the unknowns; bounds on η, a row for each bounded error."""
+    """Cost: squared residuals and squared unknowns; constraints: bounds on η, and a row for each bounded error."""
     N, size = maps.shape[1:]
     seen = ((window.weights[:, :, np.newaxis] * window.C) @ maps).reshape(-1, size)
     misses = (window.weights * (window.residuals - (window.C @ offsets[:, :, np.newaxis])[:, :, 0])).ravel()
