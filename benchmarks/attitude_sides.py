@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volery.estimators.attitude.directions import learned_quaternion
-from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
+from volery.estimators.attitude.dynamic_consensus import AttitudeMessage, consensus_step
 from volery.randomness import stream
 from volery.rotations import angle_between, conjugate, euler_to_quaternion, integrate, quaternion_product, rotate
 from volery.worlds.rigid_body.measurement_units import DIRECTIONS
@@ -56,14 +56,14 @@ def volery() -> dict[str, float]:
     """LQS with a mounting, and a step of the dynamic consensus with two neighbours that say the same."""
     mounting = euler_to_quaternion(math.radians(135), 0.0, 0.0)
     turned_back = conjugate(mounting)
-    own = ToldAttitude(START, START)
+    own = AttitudeMessage(START, START)
 
     def step(both: Sequence[Floats]) -> Floats:
         nonlocal own
         average = consensus_step(own, {"2": own, "3": own}, 0.2)
         frame = quaternion_product(average, mounting)
         learned = learned_quaternion(frame, [rotate(turned_back, each) for each in both], REFERENCES)
-        own = ToldAttitude(quaternion_product(learned, turned_back), average)
+        own = AttitudeMessage(quaternion_product(learned, turned_back), average)
         return average
 
     return timed(step)

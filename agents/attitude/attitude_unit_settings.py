@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ...errors import BadInput
-from ...estimators.attitude.dynamic_consensus import ToldAttitude
+from ...estimators.attitude.dynamic_consensus import AttitudeMessage
 from ...units import Hertz, Nanoseconds, Radians, check_fields_above_zero, period_ns
 from .. import payloads
 from ..idle import refuse_idle
@@ -94,7 +94,7 @@ class AttitudeParameters:
     @property
     def largest_payload(self) -> int:
         """Bytes of the longest message."""
-        zeros = ToldAttitude(np.zeros(4), np.zeros(4))
+        zeros = AttitudeMessage(np.zeros(4), np.zeros(4))
         return len(Told(COUNTS - 1, _MOST_DIRECTIONS, zeros).encode(self.payload))
 
     def spread_ns(self) -> int:
@@ -111,7 +111,7 @@ class Told:
 
     count: int
     directions: int
-    attitude: ToldAttitude
+    attitude: AttitudeMessage
 
     def encode(self, precision: Precision) -> bytes:
         """The payload."""
@@ -127,6 +127,6 @@ class Told:
         """
         match payloads.decode(payload):
             case [int(count), int(directions), np.ndarray(shape=(8,)) as numbers]:
-                return cls(count, directions, ToldAttitude(numbers[:4].copy(), numbers[4:].copy()))
+                return cls(count, directions, AttitudeMessage(numbers[:4].copy(), numbers[4:].copy()))
             case _:
                 raise DamagedPayload(f"{len(payload)} bytes that are no attitude: count, directions, 8 numbers")

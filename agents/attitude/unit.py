@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...estimators.attitude.directions import learned_quaternion
-from ...estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
-from ...estimators.attitude.trust import Trust, judged
+from ...estimators.attitude.dynamic_consensus import AttitudeMessage, consensus_step
+from ...estimators.attitude.trust import Trust, updated_trust
 from ...rotations import conjugate, euler_to_quaternion, mean_quaternion, quaternion_product, rotate
 from ...units import first_period, period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS
@@ -53,7 +53,7 @@ class AttitudeUnit(Agent):
         self._seen: dict[str, Floats] = {}
         self._trust = {sensor: Trust() for sensor in _REFERENCES}
         self._inbox = Inbox(parameters.max_age)
-        self._state: ToldAttitude | None = None
+        self._state: AttitudeMessage | None = None
 
     def start(self) -> None:
         """Wait for the next round."""
@@ -83,7 +83,7 @@ class AttitudeUnit(Agent):
             return
         prior = self._prior(heard)
         directions, own = self._learned(prior, heard)
-        self._state = ToldAttitude(own, own if self._alone else prior)
+        self._state = AttitudeMessage(own, own if self._alone else prior)
         self._report(timer.index)
         if not self._alone:
             payload = Told(count, directions, self._state).encode(self.parameters.payload)
@@ -128,7 +128,7 @@ class AttitudeUnit(Agent):
         for sensor in seen:
             expected = rotate(conjugate(frame), _REFERENCES[sensor])
             before = self._trust[sensor]
-            now = judged(before, _angle(self._seen[sensor], expected), bound, self.parameters.share)
+            now = updated_trust(before, _angle(self._seen[sensor], expected), bound, self.parameters.share)
             if now.trusted != before.trusted:
                 self.context.note("sensor trusted again" if now.trusted else "sensor put aside", sensor=sensor)
             self._trust[sensor] = now
@@ -153,7 +153,7 @@ class AttitudeUnit(Agent):
         """Go on from there; what neighbours told before the death is gone."""
         attitudes, trust = state
         if attitudes is not None:
-            self._state = ToldAttitude(*(np.array(attitude) for attitude in attitudes))
+            self._state = AttitudeMessage(*(np.array(attitude) for attitude in attitudes))
         self._trust = {sensor: Trust(*fields) for sensor, fields in trust.items()}
 
     @classmethod

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...estimators.averages.averaging import weighted_average
 from ...estimators.averages.laws import LAWS, ConsensusLaw
-from ...estimators.flying_array.least_squares import HandedEstimate, hand_on, neighbourhood_estimate
+from ...estimators.flying_array.least_squares import ForwardedEstimate, forwarded_estimate, neighbourhood_estimate
 from ...estimators.flying_array.metropolis import PACKED_SIZE, estimate, initial_pair
 from ...estimators.information import pack_pair, unpack_pair
 from ...topologies import natural_key
@@ -115,7 +115,7 @@ class NeighbourhoodRounds:
         self._weights = weights
         self._averaging = averaging
         self._measured: Vector | None = None
-        self._held: HandedEstimate | None = None
+        self._held: ForwardedEstimate | None = None
         self._round = 0
 
     def take(self, distance: float | None) -> None:
@@ -136,14 +136,16 @@ class NeighbourhoodRounds:
             rows = [row for row in (self._measured, *_in_order(received)) if row is not None]
             measured = np.array(rows).reshape(-1, 3)
             state = neighbourhood_estimate(measured[:, :2], measured[:, 2]) if rows else None
-            self._held = None if state is None else HandedEstimate(state)
+            self._held = None if state is None else ForwardedEstimate(state)
         else:
-            told = {name: HandedEstimate(row[:_STATE_SIZE], int(row[_STATE_SIZE])) for name, row in received.items()}
+            told = {name: ForwardedEstimate(row[:_STATE_SIZE], int(row[_STATE_SIZE])) for name, row in received.items()}
             if self._averaging and self._held is not None:
                 states = {name: held.state for name, held in told.items()}
-                self._held = HandedEstimate(weighted_average(self._held.state, states, self._weights), self._held.hops)
+                self._held = ForwardedEstimate(
+                    weighted_average(self._held.state, states, self._weights), self._held.hops
+                )
             else:
-                self._held = hand_on(self._held, told)
+                self._held = forwarded_estimate(self._held, told)
         self._round += 1
 
     def estimate(self) -> Vector | None:

@@ -127,7 +127,7 @@ class Mav(Agent):
         for time_ns, sights in self._sights:
             if abs(time_ns - message.time_ns) < STAMP_NS and self._tracked in sights:
                 own = quaternion_product(attitude, conjugate(sights[self._tracked].orientation))
-                self._frames.heard(source, own, time_ns)
+                self._frames.receive(source, own, time_ns)
 
     # -- one step of the camera ---------------------------------------------------------------------------------------
 
@@ -162,7 +162,7 @@ class Mav(Agent):
 
     def _tell_out_of_reach(self) -> None:
         """Messages too old, or stamped too far ahead, to be run to now."""
-        out_of_reach = self._filter.account.too_old + self._filter.account.ahead
+        out_of_reach = self._filter.message_counts.too_old + self._filter.message_counts.ahead
         if out_of_reach > self._out_of_reach:
             self._out_of_reach = out_of_reach
             self.context.note("messages out of reach")

@@ -21,14 +21,14 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class ToldAttitude:
+class AttitudeMessage:
     """A message to the neighbours: the sender's estimate Q̂ and its average Q̄, unit quaternions (4,)."""
 
     estimate: Floats
     average: Floats
 
 
-def consensus_rate(own: ToldAttitude, received: Mapping[str, ToldAttitude]) -> Floats:
+def consensus_rate(own: AttitudeMessage, received: Mapping[str, AttitudeMessage]) -> Floats:
     """Rate of change of an agent's average [1/s], at gain 1.
 
     Σ_{l∈𝒩} (Q̄_l − Q̄_i) + Σ_{l∈𝒩} (Q̂_l − Q̄_i) + (Q̂_i − Q̄_i)            Betanzos 2024, (22) with a_ii = 1
@@ -49,7 +49,7 @@ def consensus_rate(own: ToldAttitude, received: Mapping[str, ToldAttitude]) -> F
     return rate
 
 
-def consensus_step(own: ToldAttitude, received: Mapping[str, ToldAttitude], step: float) -> Floats:
+def consensus_step(own: AttitudeMessage, received: Mapping[str, AttitudeMessage], step: float) -> Floats:
     """An agent's average after one step, normalised.
 
     Q̄⁺ = (Q̄ + κ dt · rate) / ‖·‖ with the rate of `consensus_rate`            Betanzos 2024, (22) by Euler's method

@@ -19,7 +19,7 @@ class Trust:
     trusted: bool = True
 
 
-def judged(before: Trust, residual: float, bound: float, share: float) -> Trust:
+def updated_trust(before: Trust, residual: float, bound: float, share: float) -> Trust:
     """Update the trust in a sensor with one residual.
 
     s⁺ = s + share (e² − s); trust is lost if s⁺ > bound² and regained if s⁺ < (0.7 bound)²

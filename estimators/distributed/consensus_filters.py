@@ -33,7 +33,7 @@ class AveragingFilter(Filter):
         """The belief computed from the average; None if that is not valid information."""
 
     @abstractmethod
-    def old_source(self, message: Vector, samples: int) -> Vector | None:
+    def propagated_source(self, message: Vector, samples: int) -> Vector | None:
         """A vector of an earlier sample, propagated to this one; None if that is not possible."""
 
     def begin(self, moment: Moment) -> None:
@@ -49,7 +49,7 @@ class AveragingFilter(Filter):
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
         """Propagate plain values; messages of other laws are valid in their own sample only."""
-        return self.old_source(message, samples) if self._law.plain else None
+        return self.propagated_source(message, samples) if self._law.plain else None
 
     def hear(self, received: Mapping[str, Vector]) -> None:
         """Do one round of the consensus law."""
@@ -81,9 +81,9 @@ class ConsensusOnMeasurements(AveragingFilter):
             return None
         return gaussian(added([self.prior, scaled(measured, self.place.count)]))
 
-    def old_source(self, message: Vector, samples: int) -> Vector | None:
+    def propagated_source(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old measurement."""
-        return self.ahead(message, samples)
+        return self.propagated_pair(message, samples)
 
 
 class ConsensusOnInformation(AveragingFilter):
@@ -102,9 +102,9 @@ class ConsensusOnInformation(AveragingFilter):
         """The average itself."""
         return gaussian(unpack_trusted(average))
 
-    def old_source(self, message: Vector, samples: int) -> Vector | None:
+    def propagated_source(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old belief."""
-        return self.ahead(message, samples)
+        return self.propagated_pair(message, samples)
 
 
 class InformationWeighted(AveragingFilter):
@@ -122,9 +122,9 @@ class InformationWeighted(AveragingFilter):
         """N times the average."""
         return gaussian(scaled(unpack_trusted(average), self.place.count))
 
-    def old_source(self, message: Vector, samples: int) -> Vector | None:
+    def propagated_source(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old belief, which is N times the message, and divide it by N again."""
-        belief = self.ahead(self.place.count * message, samples)
+        belief = self.propagated_pair(self.place.count * message, samples)
         return None if belief is None else belief / self.place.count
 
 
@@ -148,9 +148,9 @@ class Hybrid(AveragingFilter):
         """The sum of both averages."""
         return gaussian(unpack_trusted(self._joined(average)))
 
-    def old_source(self, message: Vector, samples: int) -> Vector | None:
+    def propagated_source(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old belief, as a prediction without a measurement."""
-        belief = self.ahead(self._joined(message), samples)
+        belief = self.propagated_pair(self._joined(message), samples)
         return None if belief is None else np.concatenate([belief, np.zeros(len(message) - len(belief))])
 
     def _joined(self, average: Vector) -> Vector:

@@ -70,7 +70,7 @@ class CovarianceIntersection(Filter):
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old belief."""
-        return self.ahead(message, samples)
+        return self.propagated_pair(message, samples)
 
     def hear(self, received: Mapping[str, Vector]) -> None:
         """Fuse the received beliefs one after the other."""

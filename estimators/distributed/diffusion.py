@@ -41,7 +41,7 @@ class DiffusionFilter(Filter):
         """Propagate a message of either kind by the model."""
         steps = self.moment.steps
         if len(message) != self.dimension:
-            return self.ahead(message, samples)
+            return self.propagated_pair(message, samples)
         return moved(message, steps[len(steps) - samples :]) if samples <= len(steps) else None
 
     def hear(self, received: Mapping[str, Vector]) -> None:

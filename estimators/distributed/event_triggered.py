@@ -53,8 +53,10 @@ class EventTriggered(Filter):
         super().begin(moment)
         self._pair = pack_pair(added([information(self.belief), self.measured()]))
         if self._told is not None:
-            self._told = self.ahead(self._told, 1)
-        known = {name: self.ahead(vector, 1) for name, vector in self._known.items() if name in moment.weights}
+            self._told = self.propagated_pair(self._told, 1)
+        known = {
+            name: self.propagated_pair(vector, 1) for name, vector in self._known.items() if name in moment.weights
+        }
         self._known = {name: vector for name, vector in known.items() if vector is not None}
         self._decide()
 
@@ -64,7 +66,7 @@ class EventTriggered(Filter):
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
         """Propagate the old belief."""
-        return self.ahead(message, samples)
+        return self.propagated_pair(message, samples)
 
     def hear(self, received: Mapping[str, Vector]) -> None:
         """Average with the last message of each neighbour."""

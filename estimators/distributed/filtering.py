@@ -104,7 +104,7 @@ class Filter:
         """The own measurement of this sample as an information pair; zero if there is none."""
         return measured_information(self.moment.measurement, self.dimension)
 
-    def ahead(self, packed: Vector, samples: int) -> Vector | None:
+    def propagated_pair(self, packed: Vector, samples: int) -> Vector | None:
         """Propagate a packed information pair about the state this many samples ago to now by the model.
 
         None if the model's steps are not kept for so long.

@@ -50,7 +50,7 @@ class _KalmanConsensus(Filter):
 
     def forward(self, message: Vector, samples: int) -> Vector | None:
         """Propagate prediction and measurement."""
-        measured = self.ahead(message[self.dimension :], samples)
+        measured = self.propagated_pair(message[self.dimension :], samples)
         if measured is None:
             return None
         steps = self.moment.steps

@@ -116,14 +116,16 @@ def _on_one_line(count: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class HandedEstimate:
+class ForwardedEstimate:
     """A state estimate, shape (3,) [m, rad, rad], and its number of hops from a module that computed it."""
 
     state: NDArray[np.float64]
     hops: int = 0
 
 
-def hand_on(own: HandedEstimate | None, received: Mapping[str, HandedEstimate]) -> HandedEstimate | None:
+def forwarded_estimate(
+    own: ForwardedEstimate | None, received: Mapping[str, ForwardedEstimate]
+) -> ForwardedEstimate | None:
     """Estimate of a module that cannot compute one itself, from those of its neighbours.
 
     The mean of the estimates with the fewest hops, one hop further. A module ignores neighbours that have as many hops
@@ -140,4 +142,4 @@ def hand_on(own: HandedEstimate | None, received: Mapping[str, HandedEstimate]) 
     if hops is None or (own is not None and own.hops <= hops):
         return own
     nearest = [received[name] for name in sorted(received, key=natural_key) if received[name].hops == hops]
-    return HandedEstimate(np.mean([estimate.state for estimate in nearest], axis=0), hops + 1)
+    return ForwardedEstimate(np.mean([estimate.state for estimate in nearest], axis=0), hops + 1)

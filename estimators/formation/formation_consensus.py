@@ -60,7 +60,7 @@ def _noise(settings: ConsensusSettings, count: int) -> NDArray[np.float64]:
 
 
 @dataclass
-class Account:
+class MessageCounts:
     """Numbers of received messages by how they were used.
 
     folded: used in an update.
@@ -93,7 +93,7 @@ class ConsensusFilter:
 
     own: FormationFilter
     settings: ConsensusSettings = field(default_factory=ConsensusSettings)
-    account: Account = field(default_factory=Account, init=False)
+    message_counts: MessageCounts = field(default_factory=MessageCounts, init=False)
 
     def __post_init__(self) -> None:
         """Start without messages."""
@@ -143,13 +143,13 @@ class ConsensusFilter:
         told = [self._observation(message) for message in self._due()]
         if self.settings.fusion == "kalman":
             self.own.update([*sightings, *told])
-            self.account.folded += len(told)
+            self.message_counts.folded += len(told)
             return
         self.own.update(sightings)
         for each in told:
             used = intersect(self.own, each, self.settings.weighting) < 1.0
-            self.account.folded += used
-            self.account.useless += not used
+            self.message_counts.folded += used
+            self.message_counts.useless += not used
 
     def pair_message(
         self, sender: int, seen: int, *, unseen_ns: int = 0, attitude: NDArray[np.float64] | None = None
@@ -171,7 +171,7 @@ class ConsensusFilter:
             if stamped and not self._in_time(message):
                 continue
             key = message.sender, message.pairs
-            self.account.superseded += key in newest
+            self.message_counts.superseded += key in newest
             newest[key] = message
             self._newest[key] = message.time_ns
         return list(newest.values())
@@ -180,13 +180,13 @@ class ConsensusFilter:
         """Whether a message can be propagated now; one stamped later than now waits, unless it is too far ahead."""
         ahead_ns = message.time_ns - self.own.time_ns
         if ahead_ns > self.settings.history_ns:
-            self.account.ahead += 1
+            self.message_counts.ahead += 1
         elif ahead_ns > 0:
             self._waiting.append(message)
         elif message.time_ns < self._history.oldest_ns:
-            self.account.too_old += 1
+            self.message_counts.too_old += 1
         elif message.time_ns <= self._newest.get((message.sender, message.pairs), message.time_ns - 1):
-            self.account.superseded += 1
+            self.message_counts.superseded += 1
         else:
             return True
         return False

@@ -52,7 +52,7 @@ _SAME_FRAME = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class FrameConsensus:
-    """State machine of one agent: `predict` and `update` with the IMU, `heard` and `agree` with the neighbours.
+    """State machine of one agent: `predict` and `update` with the IMU, `receive` and `agree` with the neighbours.
 
     Args:
         name: name of the agent, for error messages.
@@ -201,7 +201,7 @@ class FrameConsensus:
         attitude = self.attitude(taken_ns)
         return None if attitude is None else seen_attitude(attitude, relative)
 
-    def heard(self, neighbour: str, attitude: Floats, taken_ns: int) -> bool:
+    def receive(self, neighbour: str, attitude: Floats, taken_ns: int) -> bool:
         """Store a neighbour's message on the own attitude for the next `agree`; return whether it can be used.
 
         It cannot if it is not newer than the last one of this neighbour, or if the local attitude at its stamp is

@@ -9,9 +9,9 @@ from volery.agents import payloads
 from volery.agents.attitude.attitude_unit_settings import COUNTS, Told
 from volery.agents.attitude.inbox import Inbox
 from volery.agents.payloads import DamagedPayload
-from volery.estimators.attitude.dynamic_consensus import ToldAttitude
+from volery.estimators.attitude.dynamic_consensus import AttitudeMessage
 
-ATTITUDE = ToldAttitude(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0]))
+ATTITUDE = AttitudeMessage(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0]))
 
 
 def told(count: int) -> Told:

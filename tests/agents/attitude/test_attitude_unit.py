@@ -15,7 +15,7 @@ from volery.agents.plan import Plan
 from volery.agents.sensor_samples import measured
 from volery.errors import BadInput
 from volery.estimators.attitude.directions import learned_quaternion
-from volery.estimators.attitude.dynamic_consensus import ToldAttitude, consensus_step
+from volery.estimators.attitude.dynamic_consensus import AttitudeMessage, consensus_step
 from volery.experiments.analysis.accounting import account
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.record import Record
@@ -67,7 +67,7 @@ def by_hand(plan: Plan, count: int) -> dict[str, list[Floats]]:
     names = ("1", "2", "3")
     mountings = {name: euler_to_quaternion(*parameters.mounting(name)) for name in names}
     averages = {name: euler_to_quaternion(*parameters.initial) for name in names}
-    told: dict[str, ToldAttitude] = {}
+    told: dict[str, AttitudeMessage] = {}
     found: dict[str, list[Floats]] = {name: [] for name in names}
     for index in range(count):
         if told:
@@ -83,7 +83,7 @@ def by_hand(plan: Plan, count: int) -> dict[str, list[Floats]]:
                 observed.append(value / np.linalg.norm(value))
             frame = quaternion_product(averages[name], mountings[name])
             learned = learned_quaternion(frame, observed, references, 0.2, 1.0)
-            told[name] = ToldAttitude(quaternion_product(learned, conjugate(mountings[name])), averages[name])
+            told[name] = AttitudeMessage(quaternion_product(learned, conjugate(mountings[name])), averages[name])
             found[name].append(averages[name])
     return found
 

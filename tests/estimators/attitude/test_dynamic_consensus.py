@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from volery import topologies
 from volery.errors import BadInput
 from volery.estimators.attitude.dynamic_consensus import (
-    ToldAttitude,
+    AttitudeMessage,
     collective_matrices,
     consensus_rate,
     consensus_step,
@@ -46,13 +46,13 @@ def attitudes(count: int, spread: float, purpose: str) -> list[Floats]:
     return [quaternion_product(BASE, exp_quaternion(spread * turn)) for turn in turns]
 
 
-def heard(graph: nx.Graph, told: Sequence[ToldAttitude], name: str) -> dict[str, ToldAttitude]:
+def heard(graph: nx.Graph, told: Sequence[AttitudeMessage], name: str) -> dict[str, AttitudeMessage]:
     """What an agent's neighbours told it."""
     names = topologies.agents(graph)
     return {other: told[names.index(other)] for other in topologies.neighbours(graph, name)}
 
 
-def rates(graph: nx.Graph, told: Sequence[ToldAttitude]) -> Floats:
+def rates(graph: nx.Graph, told: Sequence[AttitudeMessage]) -> Floats:
     """The rates of all agents, (n, 4)."""
     names = topologies.agents(graph)
     return np.array([consensus_rate(told[i], heard(graph, told, name)) for i, name in enumerate(names)])
@@ -62,7 +62,7 @@ def rates(graph: nx.Graph, told: Sequence[ToldAttitude]) -> Floats:
 def test_agents_together_do_what_the_matrices_say(graph: nx.Graph) -> None:
     """The rates of all are −(Ξ ⊗ I₄) Q̄ + (B ⊗ I₄) Q̂, to rounding of some ten terms of size 1."""
     estimates, averages = attitudes(len(graph), 0.2, "estimates"), attitudes(len(graph), 0.2, "averages")
-    told = [ToldAttitude(*pair) for pair in zip(estimates, averages, strict=True)]
+    told = [AttitudeMessage(*pair) for pair in zip(estimates, averages, strict=True)]
     Xi, B = (np.kron(matrix, np.eye(4)) for matrix in collective_matrices(adjacency(graph)))
     together = -Xi @ np.concatenate(averages) + B @ np.concatenate(estimates)
     np.testing.assert_allclose(rates(graph, told).ravel(), together, atol=1e-14)
@@ -90,7 +90,7 @@ def test_equal_estimates_are_where_everybody_comes_to_rest(graph: nx.Graph) -> N
     """From averages up to a radian off, on any graph, below the largest step; the slowest mode has rate 1 at least."""
     averages, step = attitudes(len(graph), 0.3, "averages"), 0.9 * largest_step(adjacency(graph))
     for _ in range(400):
-        told = [ToldAttitude(BASE, average) for average in averages]
+        told = [AttitudeMessage(BASE, average) for average in averages]
         names = topologies.agents(graph)
         averages = [consensus_step(told[i], heard(graph, told, name), step) for i, name in enumerate(names)]
     assert max(angle_between(average, BASE) for average in averages) < 1e-9
@@ -106,7 +106,7 @@ def test_the_average_is_that_of_all_where_all_have_as_many_neighbours(graph: nx.
     averages = list(estimates)
     names = topologies.agents(graph)
     for _ in range(300):
-        told = [ToldAttitude(*pair) for pair in zip(estimates, averages, strict=True)]
+        told = [AttitudeMessage(*pair) for pair in zip(estimates, averages, strict=True)]
         averages = [consensus_step(told[i], heard(graph, told, name), 0.2) for i, name in enumerate(names)]
     mean = mean_quaternion(np.array(estimates))
     worst = max(angle_between(average, mean) for average in averages)
@@ -119,27 +119,27 @@ def test_the_average_is_that_of_all_where_all_have_as_many_neighbours(graph: nx.
 
 def test_signs_of_neighbours_make_no_difference() -> None:
     """Both q and −q are one attitude, whoever says it: the result has the same bits."""
-    own = ToldAttitude(*attitudes(2, 0.2, "own"))
-    told = {str(k): ToldAttitude(*attitudes(2, 0.2, f"told {k}")) for k in range(3)}
-    turned = {name: ToldAttitude(-each.estimate, -each.average) for name, each in told.items()}
+    own = AttitudeMessage(*attitudes(2, 0.2, "own"))
+    told = {str(k): AttitudeMessage(*attitudes(2, 0.2, f"told {k}")) for k in range(3)}
+    turned = {name: AttitudeMessage(-each.estimate, -each.average) for name, each in told.items()}
     expected = consensus_step(own, told, 0.1)
     np.testing.assert_array_equal(consensus_step(own, turned, 0.1), expected)
-    np.testing.assert_array_equal(consensus_step(ToldAttitude(-own.estimate, own.average), told, 0.1), expected)
+    np.testing.assert_array_equal(consensus_step(AttitudeMessage(-own.estimate, own.average), told, 0.1), expected)
     assert np.linalg.norm(expected) == pytest.approx(1.0, abs=1e-15)
 
 
 def test_the_order_in_which_neighbours_are_held_makes_no_difference() -> None:
     """The bits of the sum follow from the names."""
-    own = ToldAttitude(*attitudes(2, 0.2, "own"))
-    told = {str(k): ToldAttitude(*attitudes(2, 0.2, f"told {k}")) for k in range(9, 12)}
+    own = AttitudeMessage(*attitudes(2, 0.2, "own"))
+    told = {str(k): AttitudeMessage(*attitudes(2, 0.2, f"told {k}")) for k in range(9, 12)}
     backwards = dict(reversed(told.items()))
     np.testing.assert_array_equal(consensus_step(own, backwards, 0.1), consensus_step(own, told, 0.1))
 
 
 def test_a_neighbour_that_was_not_heard_is_left_out() -> None:
     """Both of its terms go, and nothing else changes; alone, an average follows the own estimate at rate 1."""
-    own = ToldAttitude(*attitudes(2, 0.2, "own"))
-    one, two = (ToldAttitude(*attitudes(2, 0.2, f"told {k}")) for k in range(2))
+    own = AttitudeMessage(*attitudes(2, 0.2, "own"))
+    one, two = (AttitudeMessage(*attitudes(2, 0.2, f"told {k}")) for k in range(2))
     missing = consensus_rate(own, {"1": one, "2": two}) - consensus_rate(own, {"1": one})
     np.testing.assert_allclose(missing, two.estimate + two.average - 2 * own.average, atol=1e-14)
     np.testing.assert_allclose(consensus_rate(own, {}), own.estimate - own.average, atol=1e-15)
@@ -155,7 +155,7 @@ def test_three_that_hear_each_other_lag_by_a_third_of_a_second_over_the_gain(gai
     averages, graph = [BASE] * 3, topologies.complete(3)
     for count in range(120):
         estimate = quaternion_product(BASE, exp_quaternion(np.array([0.0, 0.0, turning * step * count])))
-        told = [ToldAttitude(estimate, average) for average in averages]
+        told = [AttitudeMessage(estimate, average) for average in averages]
         averages = [consensus_step(told[i], heard(graph, told, name), gain * step) for i, name in enumerate("123")]
     following = quaternion_product(BASE, exp_quaternion(np.array([0.0, 0.0, turning * step * 120])))
     assert angle_between(averages[0], following) == pytest.approx(turning / (3 * gain), rel=1e-3)
@@ -165,7 +165,7 @@ def test_three_that_hear_each_other_lag_by_a_third_of_a_second_over_the_gain(gai
 def test_a_step_that_goes_nowhere_is_refused(step: float) -> None:
     """A gain or a period that is not above 0."""
     with pytest.raises(BadInput, match="must be above 0"):
-        consensus_step(ToldAttitude(BASE, BASE), {}, step)
+        consensus_step(AttitudeMessage(BASE, BASE), {}, step)
 
 
 @pytest.mark.parametrize("matrix", [[[0, 1], [0, 0]], [[1, 0], [0, 0]], [[0, 2], [2, 0]], [[0, 1, 0], [1, 0, 0]]])

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from volery.errors import BadInput
-from volery.estimators.attitude.trust import RETURN, Trust, judged
+from volery.estimators.attitude.trust import RETURN, Trust, updated_trust
 from volery.randomness import stream
 
 BOUND, SHARE = 0.1, 0.05
@@ -17,7 +17,7 @@ def after(residuals: list[float], before: Trust | None = None) -> list[Trust]:
     """The trust after each of the residuals."""
     now, course = before or Trust(), []
     for residual in residuals:
-        now = judged(now, residual, BOUND, SHARE)
+        now = updated_trust(now, residual, BOUND, SHARE)
         course.append(now)
     return course
 
@@ -57,4 +57,4 @@ def test_trust_comes_back_below_a_lower_bound_only() -> None:
 def test_what_makes_no_sense_is_refused(residual: float, bound: float, share: float) -> None:
     """Values out of their bounds."""
     with pytest.raises(BadInput, match="residual"):
-        judged(Trust(), residual, bound, share)
+        updated_trust(Trust(), residual, bound, share)

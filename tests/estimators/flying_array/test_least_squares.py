@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from volery.errors import BadInput
 from volery.estimators.averages.averaging import weighted_average
 from volery.estimators.flying_array.least_squares import (
-    HandedEstimate,
+    ForwardedEstimate,
     centralised_estimate,
     covariance,
-    hand_on,
+    forwarded_estimate,
     neighbourhood_estimate,
     noncollinear,
     well_conditioned,
@@ -105,31 +105,31 @@ def test_tolerance_is_the_smallest_eigenvalue_after_scaling() -> None:
     assert not well_conditioned(np.zeros((3, 3)))
 
 
-def solved(graph: nx.Graph, measured: dict[str, float]) -> dict[str, HandedEstimate | None]:
+def solved(graph: nx.Graph, measured: dict[str, float]) -> dict[str, ForwardedEstimate | None]:
     """What each module solves for by itself, from its neighbourhood."""
     places = positions(graph)
-    own: dict[str, HandedEstimate | None] = {}
+    own: dict[str, ForwardedEstimate | None] = {}
     for name in agents(graph):
         near = agents(graph.subgraph(ball(graph, name, 1)))
         state = neighbourhood_estimate([places[j] for j in near], [measured[j] for j in near])
-        own[name] = None if state is None else HandedEstimate(state)
+        own[name] = None if state is None else ForwardedEstimate(state)
     return own
 
 
 def distributed(
-    graph: nx.Graph, own: dict[str, HandedEstimate | None], rounds: int
-) -> dict[str, HandedEstimate | None]:
+    graph: nx.Graph, own: dict[str, ForwardedEstimate | None], rounds: int
+) -> dict[str, ForwardedEstimate | None]:
     """What each module holds after so many rounds in which all hear all their neighbours."""
     for _ in range(rounds):
         told = {name: estimate for name, estimate in own.items() if estimate is not None}
-        own = {name: hand_on(own[name], {j: told[j] for j in graph[name] if j in told}) for name in graph}
+        own = {name: forwarded_estimate(own[name], {j: told[j] for j in graph[name] if j in told}) for name in graph}
     return own
 
 
 def test_estimates_are_handed_on_outwards_from_the_modules_that_can_solve() -> None:
     """On a triangle with a tail every module of the tail holds the estimate one hop nearer, after as many rounds."""
     graph = nx.Graph([("1", "2"), ("2", "3"), ("1", "3"), ("3", "4"), ("4", "5"), ("5", "6")])
-    first = {name: HandedEstimate(np.full(3, float(name))) if name in "123" else None for name in graph}
+    first = {name: ForwardedEstimate(np.full(3, float(name))) if name in "123" else None for name in graph}
     for rounds, expected in ((1, [0, 0, 0, 1, None, None]), (5, [0, 0, 0, 1, 2, 3])):
         held = distributed(graph, first, rounds)
         assert [None if held[name] is None else held[name].hops for name in agents(graph)] == expected  # type: ignore[union-attr]
@@ -138,31 +138,31 @@ def test_estimates_are_handed_on_outwards_from_the_modules_that_can_solve() -> N
 
 def test_hand_on_takes_the_mean_of_the_nearest_and_never_what_comes_back() -> None:
     """Of neighbours at 0, 0 and 1 hops it takes the mean of the first two; what is as far as itself changes nothing."""
-    near = {"2": HandedEstimate(np.zeros(3)), "3": HandedEstimate(np.full(3, 2.0))}
-    far = {"10": HandedEstimate(np.full(3, 50.0), 1)}
-    held = hand_on(None, near | far)
+    near = {"2": ForwardedEstimate(np.zeros(3)), "3": ForwardedEstimate(np.full(3, 2.0))}
+    far = {"10": ForwardedEstimate(np.full(3, 50.0), 1)}
+    held = forwarded_estimate(None, near | far)
     assert held is not None
     assert held.hops == 1
     np.testing.assert_array_equal(held.state, np.ones(3))
-    assert hand_on(held, far) is held
-    assert hand_on(held, {}) is held
-    own = HandedEstimate(np.full(3, 9.0))
-    assert hand_on(own, near) is own
-    assert hand_on(None, {}) is None
+    assert forwarded_estimate(held, far) is held
+    assert forwarded_estimate(held, {}) is held
+    own = ForwardedEstimate(np.full(3, 9.0))
+    assert forwarded_estimate(own, near) is own
+    assert forwarded_estimate(None, {}) is None
 
 
 def test_what_is_held_in_the_end_does_not_depend_on_the_order_of_messages() -> None:
     """One neighbour heard at a time, in any order and again until nothing changes, gives the same hops."""
     graph = nx.path_graph(5)
     names = nx.relabel_nodes(graph, {k: str(k + 1) for k in range(5)})
-    first = {name: HandedEstimate(np.full(3, float(name))) if name in "15" else None for name in names}
+    first = {name: ForwardedEstimate(np.full(3, float(name))) if name in "15" else None for name in names}
     expected = {name: held.hops for name, held in distributed(names, first, 5).items() if held is not None}
     directions = list(names.to_directed().edges)
     for order in itertools.islice(itertools.permutations(directions), 0, 40000, 2500):
         held = dict(first)
         for source, target in order * 4:
             told = held[source]
-            held[target] = hand_on(held[target], {} if told is None else {source: told})
+            held[target] = forwarded_estimate(held[target], {} if told is None else {source: told})
         assert {name: estimate.hops for name, estimate in held.items() if estimate is not None} == expected
 
 

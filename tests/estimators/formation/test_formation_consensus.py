@@ -276,11 +276,11 @@ def test_of_each_sender_the_newest_is_folded_once() -> None:
     one.update([])
     other.update([])
     np.testing.assert_array_equal(one.own.state, other.own.state)
-    assert (one.account.folded, one.account.superseded) == (1, 3)
+    assert (one.message_counts.folded, one.message_counts.superseded) == (1, 3)
     one.receive(newest)
     one.update([])
     np.testing.assert_array_equal(one.own.state, other.own.state)
-    assert (one.account.folded, one.account.superseded) == (1, 4)
+    assert (one.message_counts.folded, one.message_counts.superseded) == (1, 4)
 
 
 def test_messages_out_of_reach_are_dropped_and_counted() -> None:
@@ -292,11 +292,11 @@ def test_messages_out_of_reach_are_dropped_and_counted() -> None:
     for time_ns in (0, 5 * STEP_NS, 15 * STEP_NS, 11 * STEP_NS):
         one.receive(told(time_ns, np.ones(6), sender=time_ns // STEP_NS % 2))
     one.update([])
-    assert (one.account.too_old, one.account.ahead, one.account.folded) == (2, 1, 0)
+    assert (one.message_counts.too_old, one.message_counts.ahead, one.message_counts.folded) == (2, 1, 0)
     np.testing.assert_array_equal(one.own.state, before)
     one.predict(11 * STEP_NS, STILL)
     one.update([])
-    assert one.account.folded == 1
+    assert one.message_counts.folded == 1
     assert not np.allclose(one.own.state, before)
 
 

@@ -69,7 +69,7 @@ def test_nothing_is_known_before_both_directions_are() -> None:
     agent.update(gyro=[0.0, 0.0, 0.0], accelerometer=[0.0, 0.0, 9.81])
     assert agent.attitude() is None
     assert agent.message("2", ONE, 0) is None
-    assert not agent.heard("2", ONE, 0)
+    assert not agent.receive("2", ONE, 0)
     agent.predict(IMU_NS)
     agent.update(magnetometer=[0.5, 0.0, -0.8])
     np.testing.assert_allclose(known(agent.attitude()), ONE, atol=1e-12)
@@ -108,7 +108,7 @@ def test_what_was_agreed_outlasts_the_readings_that_follow() -> None:
     """Half of 12° taken over from a neighbour at one time is still there a second of rotation later."""
     agent = flown(0)
     said = rot.quaternion_product(turned(0, 0, 12), body(0))
-    assert agent.heard("2", said, 0)
+    assert agent.receive("2", said, 0)
     assert agent.agree() == pytest.approx(math.radians(12.0), rel=1e-6)
     fly(agent, 0, 1000 * MS)
     off = rot.quaternion_product(known(agent.attitude()), rot.conjugate(body(1000 * MS)))
@@ -119,8 +119,8 @@ def test_what_was_agreed_outlasts_the_readings_that_follow() -> None:
 def test_a_late_message_counts_as_if_it_had_come_at_once() -> None:
     """Seen 430 ms ago, while the body turned by 20°: the correction is the one that a fresh message gives."""
     fresh, late = flown(500 * MS), flown(500 * MS)
-    assert fresh.heard("2", rot.quaternion_product(turned(5, 0, 9), body(500 * MS)), 500 * MS)
-    assert late.heard("2", rot.quaternion_product(turned(5, 0, 9), body(70 * MS)), 70 * MS)
+    assert fresh.receive("2", rot.quaternion_product(turned(5, 0, 9), body(500 * MS)), 500 * MS)
+    assert late.receive("2", rot.quaternion_product(turned(5, 0, 9), body(70 * MS)), 70 * MS)
     fresh.agree()
     late.agree()
     assert rot.angle_between(fresh.correction, ONE) > math.radians(3.0)
@@ -131,26 +131,26 @@ def test_messages_count_once_and_old_ones_not_at_all() -> None:
     """A repeated one, one overtaken by a newer, and one older than the memory are not used; nor is any used twice."""
     agent = flown(1500 * MS)
     said = rot.quaternion_product(turned(0, 0, 9), body(1400 * MS))
-    assert agent.heard("2", said, 1400 * MS)
-    assert not agent.heard("2", said, 1400 * MS)
-    assert not agent.heard("2", said, 1300 * MS)
-    assert not agent.heard("3", said, 400 * MS)
-    assert not agent.heard("3", said, 1700 * MS)
+    assert agent.receive("2", said, 1400 * MS)
+    assert not agent.receive("2", said, 1400 * MS)
+    assert not agent.receive("2", said, 1300 * MS)
+    assert not agent.receive("3", said, 400 * MS)
+    assert not agent.receive("3", said, 1700 * MS)
     assert agent.agree() is not None
     first = agent.correction
     assert agent.agree() is None
     np.testing.assert_array_equal(agent.correction, first)
-    assert not agent.heard("2", said, 1400 * MS)
+    assert not agent.receive("2", said, 1400 * MS)
 
 
 def test_narrow_payloads_are_taken() -> None:
     """A quaternion that came in float16 has norm 1 to a thousandth: it is put right; zero is refused."""
     agent = flown(0)
-    assert agent.heard("2", turned(4, 5, 6).astype(np.float16).astype(np.float64), 0)
+    assert agent.receive("2", turned(4, 5, 6).astype(np.float16).astype(np.float64), 0)
     agent.agree()
     assert np.linalg.norm(agent.correction) == pytest.approx(1.0, abs=1e-15)
     with pytest.raises(BadInput, match="no direction"):
-        agent.heard("3", np.zeros(4), 0)
+        agent.receive("3", np.zeros(4), 0)
 
 
 @pytest.mark.parametrize("kept", [1.0, 0.5])
@@ -167,7 +167,7 @@ def test_three_agents_agree_on_one_frame(kept: float) -> None:
     for now_ns in range(0, 8000 * MS, 200 * MS):
         for source, target, said, taken_ns in waiting:
             if random.random() < kept:
-                assert agents[target].heard(source, said, taken_ns)
+                assert agents[target].receive(source, said, taken_ns)
         waiting = []
         for name, agent in agents.items():
             agent.agree()
@@ -193,7 +193,7 @@ def test_an_anchor_holds_the_frame_and_costs_agreement() -> None:
     agent = flown(0, anchor=0.1)
     for time_ns in range(IMU_NS, 100 * IMU_NS, IMU_NS):
         sense(agent, time_ns, body(time_ns), SPIN)
-        agent.heard("2", rot.quaternion_product(turned(0, 0, 12), body(time_ns)), time_ns)
+        agent.receive("2", rot.quaternion_product(turned(0, 0, 12), body(time_ns)), time_ns)
         agent.agree()
     assert rot.angle_between(agent.correction, turned(0, 0, 12 / 1.3)) < SETTLED
 
@@ -201,7 +201,7 @@ def test_an_anchor_holds_the_frame_and_costs_agreement() -> None:
 def test_the_message_is_what_was_seen_in_the_agreed_frame() -> None:
     """Γ = C R ξ at the time at which the neighbour was seen."""
     agent = flown(500 * MS)
-    agent.heard("2", rot.quaternion_product(turned(0, 0, 9), body(500 * MS)), 500 * MS)
+    agent.receive("2", rot.quaternion_product(turned(0, 0, 9), body(500 * MS)), 500 * MS)
     agent.agree()
     said = known(agent.message("3", turned(10, 20, 30), 450 * MS))
     own = rot.quaternion_product(agent.correction, body(450 * MS))
@@ -234,6 +234,6 @@ def test_strangers_are_refused() -> None:
     agent = flown(0, anchor=0.1)
     for name in ("1", "9"):
         with pytest.raises(BadInput, match=f"'{name}' is not a neighbour"):
-            agent.heard(name, ONE, 0)
+            agent.receive(name, ONE, 0)
         with pytest.raises(BadInput, match=f"'{name}' is not a neighbour"):
             agent.message(name, ONE, 0)
