@@ -1,9 +1,9 @@
-"""Graphs and weights: what is a neighbour, and how much it counts.
+"""Communication graphs and consensus weights.
 
 A topology is a networkx graph of named agents, validated once and listed in natural order: generators, arrays of
-flying-array modules, files and the proximity graph of agents that move. What a scenario says of them is in
-`graph_settings`. Graphs that change, in `over_time`, are a union of all edges with the spans in which each is there.
-Beside them stand what follows from a graph: consensus weights, spectra and distances, a colouring for slot plans.
+flying-array modules, files and the proximity graph of moving agents. Their settings in a scenario are in
+`graph_settings`. Time-varying graphs, in `over_time`, consist of the union of all edges and the time spans in which
+each edge is present. Other modules compute consensus weights, spectra and distances, and a colouring for slot plans.
 """
 
 from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array

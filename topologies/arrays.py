@@ -1,6 +1,6 @@
-"""Arrays of hexagonal flying-array modules: each module is an agent, linked to those whose sides touch its own.
+"""Arrays of hexagonal flying-array modules: each module is an agent, linked to the modules that touch its sides.
 
-A cell is named by its axial coordinates (q, r). With spacing s its centre is at x = s·(q + r/2), y = s·(√3/2)·r,
+A cell has axial coordinates (q, r). With spacing s its centre is at x = s·(q + r/2), y = s·(√3/2)·r,
 shifted so that the centroid of the array is the origin.
 """
 
@@ -33,7 +33,7 @@ def hexagonal(cells: Sequence[Cell], spacing: float = MODULE_SPACING) -> nx.Grap
     """Array with module "1" on the first cell, "2" on the second and so on; spacing of the centres in metres.
 
     Raises:
-        BadInput: a cell given twice, modules that touch no other, fewer than 2 cells, a spacing that is not positive.
+        BadInput: a repeated cell, modules that touch no other, fewer than 2 cells, or a spacing that is not positive.
     """
     check_above_zero("spacing", spacing, "m")
     module: dict[Cell, str] = {}
@@ -48,9 +48,9 @@ def hexagonal(cells: Sequence[Cell], spacing: float = MODULE_SPACING) -> nx.Grap
 
 
 def random_hexagonal(count: int, seed: int, spacing: float = MODULE_SPACING) -> nx.Graph:
-    """Connected array that grows by one module at a time, each on a free neighbouring cell chosen uniformly.
+    """Connected random array: modules are added one by one, each on a free adjacent cell chosen uniformly.
 
-    The array of N modules is the beginning of the array of N + 1 with the same seed.
+    With the same seed, the array of N modules is a part of the array of N + 1.
 
     Raises:
         BadInput: fewer than 2 modules, or a spacing that is not positive.
@@ -67,15 +67,15 @@ def random_hexagonal(count: int, seed: int, spacing: float = MODULE_SPACING) -> 
 
 
 def four_module_array(spacing: float = MODULE_SPACING) -> nx.Graph:
-    """The rhombus of Kriegleder 2012, Fig. 3a: modules 2 and 4 touch all others, 1 and 3 only those two."""
+    """The rhombus of Kriegleder 2012, Fig. 3a: modules 2 and 4 touch all others, 1 and 3 touch only 2 and 4."""
     return hexagonal(_FOUR, spacing)
 
 
 def sixteen_module_array(spacing: float = MODULE_SPACING) -> nx.Graph:
-    """An array in the place of Kriegleder 2012, Fig. 3b, whose layout the text does not give.
+    """Substitute for the array of Kriegleder 2012, Fig. 3b, whose layout the text does not give.
 
-    It has what the text says of it: module 12 alone has one neighbour, and the neighbourhoods of modules 2 and 7 come
-    closest to the whole array, with three times its covariance (two-norm, spacing 0.25 m).
+    It has the properties given in the text: only module 12 has a single neighbour, and the neighbourhoods of modules 2
+    and 7 are the best, with three times the covariance of the whole array (two-norm, spacing 0.25 m).
     """
     return hexagonal(_SIXTEEN, spacing)
 

@@ -1,4 +1,4 @@
-"""Checks that several generators share."""
+"""Checks of arguments for several generators."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from ..errors import BadInput
 
 
 def at_least(value: int, bound: int, what: str) -> int:
-    """Return the value if it reaches the bound.
+    """Return the value if it is at least the bound.
 
     Raises:
-        BadInput: it does not.
+        BadInput: the value is below the bound.
     """
     if value < bound:
         raise BadInput(f"{what} is {value}, it must be at least {bound}")

@@ -1,4 +1,4 @@
-"""A colouring for slot plans: who has one colour may be on the air at one time. Deterministic in natural order."""
+"""Graph colouring for slot plans: agents of the same colour may transmit at the same time."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from .graphs import agents
 
 
 def node_colouring(graph: nx.Graph, distance: int = 2) -> dict[str, int]:
-    """Agent → colour from 0, agents at most `distance` hops apart differing; greedy, the most crowded agent first.
+    """Agent → colour from 0; agents at most `distance` hops apart have different colours.
 
-    At most 1 + (the largest number of agents within that distance of one) colours, so 1 + Δ² at distance 2.
+    Greedy, agents with the most others within this distance first, then in natural order. It needs at most 1 + (the
+    largest number of agents within this distance of one) colours, so 1 + Δ² at distance 2.
 
     Raises:
         BadInput: a distance below 1.

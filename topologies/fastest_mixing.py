@@ -1,12 +1,12 @@
-"""The weights that average fastest, by a convex program: an interior-point method and the bound that it proves.
+"""Fastest-mixing weights by a convex program: an interior-point method with a bound of its error.
 
 Boyd, Diaconis and Xiao 2004, "Fastest mixing Markov chain on a graph"; Xiao and Boyd 2004. Letters: W(w) = I − Σ_e w_e
 b_e b_eᵀ with b_e = e_i − e_j for edge e = (i, j); J = 11ᵀ/N; s a bound on the essential spectral radius ρ(W − J).
 
     minimise s   subject to   −s I ≼ W(w) − J ≼ s I,   w_e ≥ 0,   Σ_{e at i} w_e ≤ 1
 
-The barrier −log det(s I − W + J) − log det(s I + W − J) − Σ log w − Σ log(1 − Σ w) is minimised beside t·s by Newton's
-method for a growing t. Where it is, s is within (2N + M + N) / t of the optimum, M edges (Boyd and Vandenberghe 2004,
+Newton's method minimises t·s plus the barrier −log det(s I − W + J) − log det(s I + W − J) − Σ log w − Σ log(1 − Σ w)
+for growing t. At the minimum, s is within (2N + M + N) / t of the optimum, with M edges (Boyd and Vandenberghe 2004,
 Sec. 11.2, 11.6).
 """
 
@@ -30,9 +30,9 @@ _ARMIJO = 0.1
 
 
 def fastest_mixing(graph: nx.Graph, tolerance: float = 1e-6) -> Weights:
-    """Symmetric nonnegative weights with the smallest essential spectral radius; form as in `metropolis`.
+    """Symmetric nonnegative weights with the smallest essential spectral radius; format as in `metropolis`.
 
-    The radius is within `tolerance` of the smallest that any such weights have.
+    The radius is within `tolerance` of the optimum.
 
     Raises:
         BadInput: a graph that is not connected, or a tolerance that is not above 0.
@@ -58,18 +58,18 @@ class _Program:
 
     @property
     def count(self) -> int:
-        """N, agents."""
+        """Number of agents N."""
         return len(self.incidence)
 
     def start(self, graph: nx.Graph) -> NDArray[np.float64]:
-        """Inside all constraints: maximum-degree weights leave every agent something, and s is above their radius."""
+        """A strictly feasible point: maximum-degree weights leave positive own weights, and s is above their radius."""
         counted = maximum_degree(graph)
         weight = next(value for name, row in counted.items() for other, value in row.items() if other != name)
         radius = contraction(weight_matrix(graph, counted))
         return np.append(np.full(self.incidence.shape[1], weight), radius + 0.1)
 
     def solve(self, point: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
-        """The weights w (M,) whose radius is within the tolerance of the optimum."""
+        """Weights w (M,) whose radius is within the tolerance of the optimum."""
         constraints = sum(self.incidence.shape) + 2 * self.count
         t = 1.0
         while True:
@@ -94,14 +94,14 @@ class _Program:
         return point
 
     def _sides(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """S I − (W − J) and s I + (W − J)."""
+        """The matrices s I − (W − J) and s I + (W − J)."""
         w, s = point[:-1], point[-1]
         identity = np.eye(self.count)
         matrix = identity - (self.incidence * w) @ self.incidence.T - 1.0 / self.count
         return s * identity - matrix, s * identity + matrix
 
     def _left(self, w: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is left to each agent's own state (N,): 1 − Σ w."""
+        """Own weights of the agents (N,): 1 − Σ w."""
         left: NDArray[np.float64] = 1.0 - np.abs(self.incidence) @ w
         return left
 

@@ -1,4 +1,4 @@
-"""Topologies from files: GraphML, edge lists, and JSON of two kinds."""
+"""Topologies from files: GraphML, edge lists, and two JSON formats."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .graphs import from_edges, validate
 
 
 def read(path: str | Path) -> nx.Graph:
-    """Read a topology in the format that the suffix names; positions are kept as written, in metres.
+    """Read a topology in the format given by the suffix; positions are in metres.
 
-    - `.graphml`: node data x, y and perhaps z is the position.
-    - `.edgelist`, `.edges`, `.txt`: two agents a line; what follows a `#` is a comment.
+    - `.graphml`: node data x, y and optionally z give the position.
+    - `.edgelist`, `.edges`, `.txt`: two agents per line; `#` starts a comment.
     - `.json`: networkx node-link data with x, y, z or `position` at the nodes; or
       `{"edges": [["1", "2"], …], "positions": {"1": [0, 0], …}}`, the positions being optional.
 
@@ -76,7 +76,7 @@ def _pair(edge: Any) -> tuple[str, str]:
 
 
 def _with_positions(raw: nx.Graph) -> nx.Graph:
-    """Name the nodes as agents and turn their x, y, z into positions."""
+    """Rename the nodes to agents' names, and convert their x, y, z to positions."""
     for node, data in raw.nodes(data=True):
         axes = [axis for axis in ("x", "y", "z") if axis in data]
         if axes not in ([], ["x", "y"], ["x", "y", "z"]):
@@ -90,7 +90,7 @@ def _with_positions(raw: nx.Graph) -> nx.Graph:
 
 
 def _name(value: Any) -> str:
-    """Whole numbers are names as well: files often number their nodes."""
+    """Name of an agent; whole numbers become names, as files often number their nodes."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 

@@ -1,4 +1,4 @@
-"""Reference shapes of formations: where N vehicles stand about their common centre, in natural order of their names.
+"""Reference shapes of formations: positions of N vehicles about their centroid, in natural order of their names.
 
 Inertial axes: x north, y west, z up.
 """
@@ -23,20 +23,20 @@ Place = tuple[BareMetres, ...]
 
 @dataclass(frozen=True)
 class Formation:
-    """A shape, exactly one of the first six, and what is changed of it, in the order of the last three.
+    """A shape, exactly one of the first six fields, changed by the last three in their order.
 
-    triangle: three vehicles, this far apart, the first ahead.
-    line: one after another along x, this far apart, the last ahead.
-    ring: a regular polygon with such sides, anticlockwise, the first ahead.
-    grid: rows along x, this far apart, as many vehicles in each as there are rows, the last row perhaps shorter.
-    vee: the first ahead, then left and right by turns, each arm 45° back, this far apart.
-    places: two or three lengths a vehicle.
-    order: which of the shape's places the first, second and third vehicle takes, as in [2, 1, 3].
-    moved: vehicles by number and how far each is out of its place, as in {1: [45 cm, 0 m, 0 m]}.
-    turned: anticlockwise, seen from above.
+    triangle: side of an equilateral triangle of three vehicles, the first in front.
+    line: spacing of a line along x, the last vehicle in front.
+    ring: side of a regular polygon, anticlockwise, the first vehicle in front.
+    grid: spacing of a square grid with as many vehicles per row as rows, the last row possibly shorter.
+    vee: spacing along the arms of a V, the first vehicle in front, then left and right alternately, 45° back.
+    places: position of each vehicle, two or three lengths.
+    order: which of the shape's positions the first, second and third vehicle takes, as in [2, 1, 3].
+    moved: number of a vehicle → its displacement from its position, as in {1: [45 cm, 0 m, 0 m]}.
+    turned: rotation of the shape, anticlockwise seen from above.
 
     Raises:
-        BadInput: no shape or more than one, a length that is not above 0, or no place of two or three lengths.
+        BadInput: no shape or more than one, a length that is not above 0, or a position without two or three lengths.
     """
 
     triangle: BareMetres | None = None
@@ -50,7 +50,7 @@ class Formation:
     turned: Radians = 0.0
 
     def __post_init__(self) -> None:
-        """Check what can be checked without knowing how many vehicles there are."""
+        """Check everything that does not depend on the number of vehicles."""
         shapes = (*_SHAPES, "places")
         given = [name for name in shapes if getattr(self, name) is not None]
         if len(given) != 1:
@@ -66,10 +66,10 @@ class Formation:
                     raise BadInput(text, (name, key))
 
     def of(self, count: int) -> Floats:
-        """The places of `count` vehicles about their centroid, (N, 3) [m].
+        """Positions of `count` vehicles about their centroid, (N, 3) [m].
 
         Raises:
-            BadInput: a number of vehicles that the shape cannot have, or two of them in one place.
+            BadInput: the shape does not allow this number of vehicles, or two have the same position.
         """
         if count < 2:
             raise BadInput(f"a formation has at least 2 vehicles, not {count}")
@@ -109,10 +109,10 @@ class Formation:
 
 
 def formation_state(places: Floats) -> Floats:
-    """The formation's state when it is at rest in these places, [r₁, 0, r₂, 0, …] with r_i = p_i − p_(i+1).
+    """The state of a formation at rest at these positions, [r₁, 0, r₂, 0, …] with r_i = p_i − p_(i+1).
 
     Args:
-        places: (N, 3) [m].
+        places: positions (N, 3) [m].
     Returns:
         (6 (N − 1),) [m, m/s].
     """

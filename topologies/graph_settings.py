@@ -1,4 +1,4 @@
-"""Kinds of graphs as a scenario has them; each builds its graph."""
+"""Settings of graphs in a scenario; each builds its graph."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ _FIXED_ARRAYS = {4: four_module_array, 16: sixteen_module_array}
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """What a scenario says of a graph; `plain`: how many of the first fields a value beside the kind's name gives."""
+    """Settings of a graph; `plain`: number of first fields that the value of the kind's name gives, as in `ring: 6`."""
 
     plain: ClassVar[int] = 1
 
     @abstractmethod
     def build(self, seed: int) -> nx.Graph:
-        """The graph; `seed` is that of the run, for random ones without a seed of their own.
+        """Build the graph; `seed` is that of the run, for random graphs without a seed.
 
         Raises:
-            BadInput: whatever the generator refuses.
+            BadInput: the generator refuses the settings.
         """
 
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
-        """The graph over the time [0, until_ns).
+        """Build the graph over the time [0, until_ns).
 
         Args:
-            seed: of the run.
-            until_ns: the end of the time.
-            places: where agents are that move.
+            seed: seed of the run.
+            until_ns: end of the run.
+            places: positions of moving agents.
         Raises:
-            BadInput: as `build`, with the place below these settings.
+            BadInput: as `build`, with the place relative to these settings.
         """
         return TimedGraph(self.build(seed))
 
@@ -54,8 +54,8 @@ class GraphSettings:
 class Line(GraphSettings):
     """Each agent linked to the next.
 
-    count: of the agents.
-    spacing: of neighbours on the line.
+    count: number of agents.
+    spacing: distance of neighbours on the line.
     """
 
     count: Count
@@ -70,7 +70,7 @@ class Line(GraphSettings):
 class Ring(GraphSettings):
     """Each agent linked to the next and the last to the first.
 
-    count: of the agents, at least 3.
+    count: number of agents, at least 3.
     spacing: length of the sides of the regular polygon.
     """
 
@@ -86,8 +86,8 @@ class Ring(GraphSettings):
 class Star(GraphSettings):
     """Agent 1 linked to all others.
 
-    count: of the agents.
-    spacing: of the others from agent 1.
+    count: number of agents.
+    spacing: distance of the others from agent 1.
     """
 
     count: Count
@@ -102,7 +102,7 @@ class Star(GraphSettings):
 class Complete(GraphSettings):
     """Every agent linked to every other, without positions.
 
-    count: of the agents.
+    count: number of agents.
     """
 
     count: Count
@@ -116,9 +116,9 @@ class Complete(GraphSettings):
 class Grid(GraphSettings):
     """A square grid, numbered row by row.
 
-    rows: of agents.
-    columns: of agents.
-    spacing: of neighbours.
+    rows: number of rows.
+    columns: number of columns.
+    spacing: distance of neighbours.
     """
 
     plain: ClassVar[int] = 2
@@ -134,11 +134,11 @@ class Grid(GraphSettings):
 
 @dataclass(frozen=True)
 class Hexagonal(GraphSettings):
-    """An array of flying-array modules; 4 and 16 without a seed are the arrays of the paper, others grow at random.
+    """An array of flying-array modules; 4 and 16 without a seed are the arrays of the paper, others are random.
 
-    count: of the modules.
-    seed: of the array; that of the run unless given.
-    spacing: of the centres of neighbours.
+    count: number of modules.
+    seed: seed of a random array; by default that of the run.
+    spacing: distance of the centres of neighbours.
     """
 
     count: Count
@@ -157,7 +157,7 @@ class Cells(GraphSettings):
     """An array of flying-array modules on given cells.
 
     cells: axial coordinates, as in [[0, 0], [1, 0]].
-    spacing: of the centres of neighbours.
+    spacing: distance of the centres of neighbours.
     """
 
     cells: tuple[Cell, ...]
@@ -170,12 +170,12 @@ class Cells(GraphSettings):
 
 @dataclass(frozen=True)
 class Geometric(GraphSettings):
-    """Agents at random in a square, linked where they are near each other.
+    """Agents at random positions in a square, linked if they are near each other.
 
-    count: of the agents.
-    radius: within which agents are linked.
-    seed: of the places; that of the run unless given.
-    side: of the square.
+    count: number of agents.
+    radius: largest distance of linked agents.
+    seed: seed of the positions; by default that of the run.
+    side: side of the square.
     """
 
     count: Count
@@ -192,9 +192,9 @@ class Geometric(GraphSettings):
 class ErdosRenyi(GraphSettings):
     """Every pair of agents linked with the same probability.
 
-    count: of the agents.
-    probability: of each link.
-    seed: of the links; that of the run unless given.
+    count: number of agents.
+    probability: probability of each link.
+    seed: seed of the links; by default that of the run.
     """
 
     count: Count
@@ -210,10 +210,10 @@ class ErdosRenyi(GraphSettings):
 class SmallWorld(GraphSettings):
     """A ring with links to the nearest agents, some of them rewired (Watts and Strogatz).
 
-    count: of the agents.
-    neighbours: of each agent before rewiring, an even number.
+    count: number of agents.
+    neighbours: number of neighbours of each agent before rewiring, even.
     rewiring: probability that a link is rewired.
-    seed: of the links; that of the run unless given.
+    seed: seed of the links; by default that of the run.
     """
 
     count: Count
@@ -230,7 +230,7 @@ class SmallWorld(GraphSettings):
 class FromFile(GraphSettings):
     """A graph from a file.
 
-    path: of a GraphML, edge-list or JSON file.
+    path: a GraphML, edge-list or JSON file.
     """
 
     path: str
@@ -245,26 +245,26 @@ Spans = Literal["always"] | tuple[tuple[Nanoseconds, Nanoseconds] | tuple[Nanose
 
 @dataclass(frozen=True)
 class Edges(GraphSettings):
-    """A graph of these edges.
+    """A graph given by its edges.
 
-    edges: a list as [1-2, 2-3], or edges with the spans in which they are there, as in
-        {1-2: always, 2-3: [[0 s, 2 s], [5 s]]}; a span without an end lasts.
+    edges: a list as in [1-2, 2-3], or edges with the time spans in which they are present, as in
+        {1-2: always, 2-3: [[0 s, 2 s], [5 s]]}; a span without an end lasts until the end of the run.
     """
 
     edges: tuple[str, ...] | Mapping[str, Spans]
 
     def build(self, seed: int) -> nx.Graph:
-        """The graph of a list of edges."""
+        """Build the graph of a list of edges."""
         if isinstance(self.edges, Mapping):
             raise BadInput("edges with spans are a graph that changes, and cannot stand here: write a list of edges")
         return from_edges(self.listed())
 
     def listed(self) -> list[Edge]:
-        """Every edge as a pair of names."""
+        """All edges as pairs of names."""
         return [edge(word) for word in self.edges]
 
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
-        """With the spans of each edge, where they are given."""
+        """Build the graph with the time spans of its edges, if given."""
         if not isinstance(self.edges, Mapping):
             return TimedGraph(self.build(seed))
         spans: dict[Edge, list[Span]] = {}
@@ -277,7 +277,7 @@ class Edges(GraphSettings):
 
 
 def edge(word: str) -> Edge:
-    """An edge written as 1-2.
+    """Read an edge such as 1-2.
 
     Raises:
         BadInput: not two names with a `-` between them.
@@ -306,10 +306,10 @@ def _spans(given: Sequence[tuple[int, ...]], word: str, until_ns: int) -> list[S
 
 
 def check_instant(time_ns: int, until_ns: int, place: tuple[str | int, ...]) -> int:
-    """The instant, if it lies within the run.
+    """Return the instant if it is within the run.
 
     Raises:
-        BadInput: it does not.
+        BadInput: it is not.
     """
     if not 0 <= time_ns < until_ns:
         text = f"{seconds(time_ns)} is not within the run, which lasts {seconds(until_ns)}"
@@ -323,7 +323,7 @@ def over_whole_run(
     names: Sequence[str] = (),
     places: Mapping[str, Position] | None = None,
 ) -> TimedGraph:
-    """As `timed`; errors say that the union of all edges is meant."""
+    """As `timed`; error messages say that they concern the union of all edges."""
     try:
         return timed(spans, until_ns, names, places)
     except BadInput as error:
@@ -331,7 +331,7 @@ def over_whole_run(
 
 
 def seconds(time_ns: int) -> str:
-    """For messages."""
+    """Text of a time in seconds, for messages."""
     return f"{time_ns / 1e9:g} s"
 
 
@@ -353,4 +353,4 @@ FIXED = Kinds(
     },
     tag="beside",
 )
-"""Kinds of graphs that stay as they are, but for edges with spans."""
+"""Kinds of graphs that do not change over time, except edges with time spans."""

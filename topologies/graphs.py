@@ -1,4 +1,4 @@
-"""What a topology is: a connected simple graph of named agents, and the one door through which all graphs come."""
+"""Topologies: connected simple graphs of named agents, and the validation that all graphs pass."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Position = tuple[float, ...]
 
 
 def agents(graph: nx.Graph) -> list[str]:
-    """Names of all agents in natural order; rows of every matrix of this package are in this order."""
+    """Names of all agents in natural order, which is the order of rows of every matrix in this package."""
     return sorted(graph, key=natural_key)
 
 
 def edges(graph: nx.Graph) -> list[tuple[str, str]]:
-    """All edges in natural order, the lower name of each first."""
+    """All edges in natural order, each with its lower name first."""
     return sorted(
         (ordered(*edge) for edge in graph.edges()), key=lambda edge: (natural_key(edge[0]), natural_key(edge[1]))
     )
@@ -62,11 +62,11 @@ def from_edges(
     names: Iterable[str] = (),
     positions: Mapping[str, Sequence[float]] | None = None,
 ) -> nx.Graph:
-    """The validated graph of these edges.
+    """Build and validate the graph of these edges.
 
     Args:
-        pairs: edges, each once, the ends in either order.
-        names: agents that must exist; those of the edges need not be repeated.
+        pairs: edges, each once, with the ends in any order.
+        names: further agents; those of the edges need not be repeated.
         positions: agent → (x, y) or (x, y, z) in metres, for every agent or for none.
 
     Raises:
@@ -82,11 +82,11 @@ def from_edges(
 
 
 def validate(graph: nx.Graph) -> nx.Graph:
-    """A clean copy of any networkx graph: agents and edges in natural order, node attribute `position` in metres.
+    """Validate a networkx graph, and return a copy: agents and edges in natural order, `position` of nodes in metres.
 
     Raises:
-        BadInput: fewer than 2 agents, a directed, repeated or looping edge, a name that is not allowed, agents that
-            cannot be reached, positions for some agents only or not finite. The message names the offender.
+        BadInput: fewer than 2 agents, a directed or repeated edge, an edge of an agent to itself, an invalid name, a
+            graph that is not connected, positions of only some agents, or not finite. The message names the offender.
     """
     if graph.is_directed():
         raise BadInput("the topology is directed, links go both ways: use an undirected graph")

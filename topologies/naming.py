@@ -1,4 +1,4 @@
-"""Names of agents: which are allowed, and the order in which agents are listed everywhere."""
+"""Names of agents: allowed characters, and the natural order in which agents are listed everywhere."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _NUMBER = re.compile(r"([0-9]+)")
 def natural_key(name: str) -> tuple[tuple[str | int, ...], str]:
     """Sort key that puts "2" before "10": digits compare as numbers, the rest as text.
 
-    Names whose keys would tie otherwise ("2" and "02") are ordered as text.
+    Names that are otherwise equal ("2" and "02") are ordered as text.
     """
     parts = _NUMBER.split(name)
     return tuple(int(part) if index % 2 else part for index, part in enumerate(parts)), name
 
 
 def check_name(name: object) -> str:
-    """Return the name if it may be an agent's.
+    """Return the name if it is allowed for an agent.
 
     Raises:
         BadInput: not text, or other characters than ASCII letters, digits and underscores.

@@ -1,4 +1,4 @@
-"""Graphs that change, as a scenario has them: schedules, and the neighbourhood of agents that move."""
+"""Settings of time-varying graphs in a scenario: schedules, and the proximity graph of moving agents."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _MOST_INSTANTS = 1_000_000
 
 @dataclass(frozen=True)
 class Epoch:
-    """A graph that holds from an instant on.
+    """A graph that is valid from an instant on.
 
-    from: when it begins.
+    from: when it starts.
     """
 
     from_: Nanoseconds
@@ -34,19 +34,19 @@ class Epoch:
 
 @dataclass(frozen=True)
 class Schedule(GraphSettings):
-    """Graphs of the same agents, each of which holds until the next begins; those written as edges may have any.
+    """A sequence of graphs of the same agents, each valid until the next starts; lists of edges may name any agents.
 
-    schedule: as in [{from: 0 s, ring: 6}, {from: 5 s, line: 6}]; positions are those of the first.
+    schedule: as in [{from: 0 s, ring: 6}, {from: 5 s, line: 6}]; positions are those of the first graph.
     """
 
     schedule: tuple[Epoch, ...]
 
     def build(self, seed: int) -> nx.Graph:
-        """Not without time."""
+        """Refuse to build: the graph changes over time."""
         raise BadInput("a schedule is a graph that changes, and cannot stand here: use another kind")
 
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
-        """The union of all graphs, with the spans of edges that are not in all."""
+        """Build the union of all graphs, with the time spans of edges that are not in all."""
         self._check_begins(until_ns)
         graphs = [_graph(epoch, index, seed) for index, epoch in enumerate(self.schedule)]
         everyone = sorted({name for _, names, _ in graphs for name in names}, key=natural_key)
@@ -72,7 +72,7 @@ class Schedule(GraphSettings):
 
 
 def _graph(epoch: Epoch, index: int, seed: int) -> tuple[list[Edge], list[str], dict[str, Position]]:
-    """Edges, agents and positions of one graph of a schedule; written as edges it need not be connected."""
+    """Edges, agents and positions of one graph of a schedule; a list of edges need not be connected."""
     try:
         if isinstance(epoch.graph, Edges) and not isinstance(epoch.graph.edges, Mapping):
             its = epoch.graph.listed()
@@ -85,14 +85,14 @@ def _graph(epoch: Epoch, index: int, seed: int) -> tuple[list[Edge], list[str], 
 
 @dataclass(frozen=True)
 class Proximity(GraphSettings):
-    """Agents of a world that moves, linked while they are near each other.
+    """Agents of a world with motion, linked while they are near each other.
 
-    Two that are not near become it at a distance of `radius` or less, and stay it up to radius + hysteresis: without
-    hysteresis, an edge flutters between agents that keep just that distance.
+    Two agents become neighbours at a distance of `radius` or less, and remain neighbours up to radius + hysteresis. The
+    hysteresis prevents frequent changes of an edge between agents at about this distance.
 
-    radius: within which agents become neighbours.
-    every: time between two looks; what is found at an instant holds until the next.
-    hysteresis: how much farther than the radius neighbours may be.
+    radius: distance at which agents become neighbours.
+    every: sampling period of the distances; the graph of an instant is valid until the next.
+    hysteresis: additional distance up to which agents remain neighbours.
     """
 
     radius: Metres
@@ -106,11 +106,11 @@ class Proximity(GraphSettings):
             raise BadInput(f"hysteresis is {self.hysteresis:g} m, it must be at least 0")
 
     def build(self, seed: int) -> nx.Graph:
-        """Not without time."""
+        """Refuse to build: the graph changes over time."""
         raise BadInput("proximity is a graph that changes, and cannot stand here: use another kind")
 
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
-        """The union of all edges, with the spans in which agents are near each other."""
+        """Build the union of all edges, with the time spans in which agents are near each other."""
         if places is None:
             raise BadInput("nobody moves: add a world in which agents do, `world: {kind: moving, …}`")
         if self.every < 1 or until_ns > self.every * _MOST_INSTANTS:
@@ -120,7 +120,7 @@ class Proximity(GraphSettings):
         return over_whole_run(spans, until_ns, names)
 
     def near(self, places: Places, until_ns: int) -> tuple[list[str], dict[Edge, list[Span]]]:
-        """The agents, and edge → the spans in which its ends are near each other, up to `until_ns`."""
+        """The agents, and edge → the time spans in which its ends are near each other, up to `until_ns`."""
         names = sorted(places(0), key=natural_key)
         firsts, seconds_ = np.triu_indices(len(names), k=1)
         linked = np.zeros(len(firsts), dtype=bool)

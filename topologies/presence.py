@@ -1,6 +1,6 @@
-"""Graphs that change: when each edge is there, when the graph falls apart, and how connected it is on average.
+"""Time-varying graphs: when each edge is present, when the graph is disconnected, and its mean connectivity.
 
-Time is in whole nanoseconds, spans are half-open. An edge without spans of its own is there all the time.
+Time is in whole nanoseconds, spans are half-open. An edge without spans is always present.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ Places = Callable[[int], Mapping[str, Sequence[float] | NDArray[np.float64]]]
 
 @dataclass(frozen=True)
 class TimedGraph:
-    """A graph over time: `union` has every edge that is there at some time, `presence` the spans of those that go.
+    """A time-varying graph: `union` has every edge that is present at some time, `presence` its time spans.
 
-    `presence` maps edge, the lower name first → spans, ascending and apart; an edge that is not in it never goes.
+    `presence` maps edge, the lower name first → spans, ascending and disjoint; an edge without spans is always present.
     """
 
     union: nx.Graph
@@ -38,7 +38,7 @@ class TimedGraph:
 
 
 def merged(spans: Iterable[Span]) -> tuple[Span, ...]:
-    """The same instants as ascending spans that are apart: those that touch or overlap are one, empty ones go."""
+    """Merge spans that touch or overlap, and drop empty ones; the result is ascending and disjoint."""
     joined: list[Span] = []
     for start, end in sorted(span for span in spans if span[0] < span[1]):
         if joined and start <= joined[-1][1]:
@@ -54,16 +54,16 @@ def timed(
     names: Iterable[str] = (),
     positions: Mapping[str, Position] | None = None,
 ) -> TimedGraph:
-    """The graph of edges with the spans in which they are there, over the time [0, until_ns).
+    """Build the graph of edges with their time spans, over the time [0, until_ns).
 
     Args:
-        spans: edge, either end first → spans in any order; what lies outside of the time is cut off.
-        until_ns: the end of the time, above 0.
-        names: agents that must exist.
-        positions: agent → place in metres, for every agent or for none.
+        spans: edge, either end first → spans in any order; parts outside [0, until_ns) are cut off.
+        until_ns: end of the time, above 0.
+        names: further agents.
+        positions: agent → position in metres, for every agent or for none.
 
     Raises:
-        BadInput: the union of all edges is no topology, see `graphs.validate`.
+        BadInput: the union of all edges is not a valid topology, see `graphs.validate`.
     """
     kept = {
         ordered(*edge): merged((max(0, start), min(end, until_ns)) for start, end in its) for edge, its in spans.items()
@@ -73,11 +73,11 @@ def timed(
 
 
 def epochs(graphs: Sequence[tuple[int, Iterable[Edge]]], until_ns: int) -> dict[Edge, tuple[Span, ...]]:
-    """Edge, the lower name first → the spans in which it is there, from edges that hold until the next begin.
+    """Edge, the lower name first → its time spans, from a sequence of graphs, each valid until the next starts.
 
     Args:
-        graphs: (begin in nanoseconds, edges), begins ascending.
-        until_ns: when the last of them ends.
+        graphs: (start in nanoseconds, edges), with ascending starts.
+        until_ns: end of the last graph.
     """
     begins = [begin for begin, _ in graphs]
     found: dict[Edge, list[Span]] = {}
@@ -88,20 +88,20 @@ def epochs(graphs: Sequence[tuple[int, Iterable[Edge]]], until_ns: int) -> dict[
 
 
 def is_there(spans: Sequence[Span], time_ns: int) -> bool:
-    """Whether an instant lies in one of ascending spans."""
+    """Whether an instant is in one of these ascending spans."""
     index = bisect_right(spans, time_ns, key=lambda span: span[0]) - 1
     return index >= 0 and time_ns < spans[index][1]
 
 
 def edges_at(graph: TimedGraph, time_ns: int) -> list[Edge]:
-    """The edges that are there at an instant, in natural order, the lower name of each first."""
+    """The edges present at an instant, in natural order, each with its lower name first."""
     return [
         edge for edge in edges(graph.union) if edge not in graph.presence or is_there(graph.presence[edge], time_ns)
     ]
 
 
 def disconnected(graph: TimedGraph, until_ns: int) -> tuple[Span, ...]:
-    """The spans of [0, until_ns) in which some agent cannot reach another, ascending and apart."""
+    """The spans of [0, until_ns) in which the graph is disconnected, ascending and disjoint."""
     come: dict[int, list[Edge]] = defaultdict(list)
     go: dict[int, list[Edge]] = defaultdict(list)
     for edge, spans in graph.presence.items():
@@ -123,8 +123,8 @@ def disconnected(graph: TimedGraph, until_ns: int) -> tuple[Span, ...]:
 def mean_laplacian(graph: TimedGraph, until_ns: int) -> NDArray[np.float64]:
     """Time average of the Laplacian over [0, until_ns), shape (N, N), rows in natural order.
 
-    L̄ = (1/T) ∫ L(t) dt: each edge weighs the fraction of the time in which it is there. Its λ_2 is above zero exactly
-    when the union is connected, which is what agreement over a changing graph needs     Jadbabaie, Lin and Morse 2003
+    L̄ = (1/T) ∫ L(t) dt: each edge has the fraction of the time in which it is present as its weight. λ_2 is above zero
+    exactly if the union is connected, as consensus on a time-varying graph requires     Jadbabaie, Lin and Morse 2003
     """
     if until_ns <= 0:
         raise BadInput(f"an average over {until_ns} ns is none: it takes a time above 0")

@@ -1,6 +1,6 @@
-"""Random connected graphs, repeatable from a seed, and the proximity graph of agents that move.
+"""Random connected graphs, repeatable from a seed, and the proximity graph of moving agents.
 
-A draw that is not connected is drawn anew, from the same seed, up to a bound.
+If a random graph is not connected, the next one of the same seed is taken, up to a bound of attempts.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _TRIES = 100
 
 
 def geometric(count: int, radius: float, seed: int, side: float = 1.0) -> nx.Graph:
-    """Agents uniform in a square of `side` metres, linked where they are at most `radius` metres apart.
+    """Agents uniformly distributed in a square of `side` metres, linked if at most `radius` metres apart.
 
     Raises:
-        BadInput: fewer than 2 agents, a length that is not positive, or no connected draw within the bound.
+        BadInput: fewer than 2 agents, a length that is not positive, or no connected graph within the attempts.
     """
     at_least(count, 2, "count")
     check_above_zero("radius", radius, "m")
@@ -46,7 +46,7 @@ def erdos_renyi(count: int, probability: float, seed: int) -> nx.Graph:
     """Every pair of agents linked with the same probability, independently: G(N, p) given that it is connected.
 
     Raises:
-        BadInput: fewer than 2 agents, a probability outside (0, 1], or no connected draw within the bound.
+        BadInput: fewer than 2 agents, a probability outside (0, 1], or no connected graph within the attempts.
     """
     at_least(count, 2, "count")
     if not 0 < probability <= 1:
@@ -62,7 +62,7 @@ def small_world(count: int, neighbours: int, rewiring: float, seed: int) -> nx.G
     """Ring with links to the `neighbours` nearest agents, each rewired with probability `rewiring` (Watts–Strogatz).
 
     Raises:
-        BadInput: `neighbours` is odd, below 2 or not below the count; `rewiring` outside [0, 1]; no connected draw.
+        BadInput: `neighbours` is odd, below 2 or not below the count; `rewiring` outside [0, 1]; no connected graph.
     """
     at_least(neighbours, 2, "neighbours")
     at_least(count, neighbours + 1, "count")
@@ -85,7 +85,7 @@ def proximity(positions: Mapping[str, Sequence[float]], radius: float) -> nx.Gra
         radius: range in metres.
 
     Raises:
-        BadInput: a name that is not allowed, unequal numbers of coordinates, or a radius that is not positive.
+        BadInput: an invalid name, different numbers of coordinates, or a radius that is not positive.
     """
     check_above_zero("radius", radius, "m")
     names = sorted((check_name(name) for name in positions), key=natural_key)

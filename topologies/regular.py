@@ -12,7 +12,7 @@ from .graphs import Position, from_edges
 
 
 def line(count: int, spacing: float = 1.0) -> nx.Graph:
-    """Each agent linked to the next, `spacing` metres apart on the x axis, about the centroid.
+    """Each agent linked to the next, `spacing` metres apart on the x axis, centred on the origin.
 
     Raises:
         BadInput: fewer than 2 agents, or a spacing that is not positive.
@@ -32,7 +32,7 @@ def ring(count: int, spacing: float = 1.0) -> nx.Graph:
 
 
 def star(count: int, spacing: float = 1.0) -> nx.Graph:
-    """Agent "1" linked to all others, which stand on a circle of radius `spacing` metres around it.
+    """Agent "1" linked to all others, which are on a circle of radius `spacing` metres around it.
 
     Raises:
         BadInput: fewer than 2 agents, or a spacing that is not positive.
@@ -44,7 +44,7 @@ def star(count: int, spacing: float = 1.0) -> nx.Graph:
 
 
 def complete(count: int) -> nx.Graph:
-    """Every agent linked to every other; it has no positions.
+    """Every agent linked to every other, without positions.
 
     Raises:
         BadInput: fewer than 2 agents.
@@ -53,7 +53,7 @@ def complete(count: int) -> nx.Graph:
 
 
 def grid(rows: int, columns: int, spacing: float = 1.0) -> nx.Graph:
-    """Square grid, numbered row by row; each agent linked to those `spacing` metres beside, above and below it.
+    """Square grid, numbered row by row; each agent is linked to its up to four neighbours at `spacing` metres.
 
     Raises:
         BadInput: no row, no column, fewer than 2 agents, or a spacing that is not positive.
@@ -67,7 +67,7 @@ def grid(rows: int, columns: int, spacing: float = 1.0) -> nx.Graph:
 
 
 def centred(places: dict[str, tuple[float, float]]) -> dict[str, Position]:
-    """The same places, shifted so that their centroid is the origin; metres in, metres out."""
+    """Positions shifted so that their centroid is the origin, in metres."""
     middle_x = math.fsum(x for x, _ in places.values()) / len(places)
     middle_y = math.fsum(y for _, y in places.values()) / len(places)
     return {agent: (x - middle_x, y - middle_y) for agent, (x, y) in places.items()}

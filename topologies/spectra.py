@@ -1,4 +1,4 @@
-"""Spectra and distances: how fast a graph can agree, and how far apart its agents are."""
+"""Spectra and distances of graphs: speed of consensus, and hops between agents."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ROUNDING = 1e-9
 
 
 def laplacian(graph: nx.Graph) -> NDArray[np.float64]:
-    """L = D − A (N, N), rows in natural order; D holds the degrees, A is one where there is an edge."""
+    """Laplacian L = D − A (N, N), rows in natural order; D is the degree matrix and A the adjacency matrix."""
     adjacency = nx.to_numpy_array(graph, nodelist=agents(graph), weight=None)
     return np.asarray(np.diag(adjacency.sum(axis=1)) - adjacency, dtype=np.float64)
 
@@ -27,12 +27,12 @@ def laplacian_spectrum(graph: nx.Graph) -> NDArray[np.float64]:
 
 
 def algebraic_connectivity(graph: nx.Graph) -> float:
-    """λ_2 of the Laplacian; above zero exactly when the graph is connected (Fiedler 1973)."""
+    """λ_2 of the Laplacian; above zero exactly if the graph is connected (Fiedler 1973)."""
     return float(laplacian_spectrum(graph)[1])
 
 
 def contraction(matrix: NDArray[np.float64]) -> float:
-    """Predicted factor by which one round x⁺ = W x shrinks the disagreement in the long run.
+    """Asymptotic factor by which one round x⁺ = W x reduces the disagreement.
 
     The essential spectral radius ρ(W − 11ᵀ/N)            Xiao and Boyd 2004
 
@@ -59,7 +59,7 @@ def rounds_to(per_round: float, factor: float) -> int:
     """Fewest rounds k with per_round^k ≤ factor, per_round being a `contraction`.
 
     Raises:
-        BadInput: a `per_round` outside [0, 1), which never gets there, or a factor outside (0, 1).
+        BadInput: a `per_round` outside [0, 1), for which there is no such k, or a factor outside (0, 1).
     """
     if not 0 <= per_round < 1:
         raise BadInput(f"contraction is {per_round:g}, it must be at least 0 and below 1: else no round ever suffices")
@@ -74,7 +74,7 @@ def rounds_to(per_round: float, factor: float) -> int:
 
 
 def diameter(graph: nx.Graph) -> int:
-    """Hops between the two agents that are farthest apart.
+    """Largest number of hops between two agents.
 
     Raises:
         BadInput: the graph is not connected.
@@ -85,7 +85,7 @@ def diameter(graph: nx.Graph) -> int:
 
 
 def ball(graph: nx.Graph, agent: str, hops: int) -> list[str]:
-    """The agents at most `hops` edges away, the agent itself among them, in natural order.
+    """The agents at most `hops` edges away, including the agent itself, in natural order.
 
     Raises:
         BadInput: no such agent.

@@ -1,6 +1,6 @@
-"""Weights of average consensus: how much an agent counts each neighbour and itself.
+"""Weights of average consensus.
 
-All rules give symmetric weights whose rows sum to one, so that x⁺ = W x keeps the average.
+All rules give symmetric weights whose rows sum to one, so that x⁺ = W x preserves the average.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Weights = dict[str, dict[str, float]]
 
 
 def metropolis_weight(degree: int, other_degree: int) -> float:
-    """Weight of one edge, from what its two ends know of each other.
+    """Metropolis weight of one edge, from the degrees of its two ends.
 
     w_ij = 1 / (1 + max(d_i, d_j))            Kriegleder 2012, (27)
     """
@@ -27,7 +27,7 @@ def metropolis_weight(degree: int, other_degree: int) -> float:
 
 
 def metropolis(graph: nx.Graph) -> Weights:
-    """Agent → {neighbour: w_ij}, with the weight of its own state, 1 − Σ_j w_ij, under its own name.
+    """Metropolis weights: agent → {neighbour: w_ij}, and the own weight 1 − Σ_j w_ij under the agent's own name.
 
     Kriegleder 2012, (27). All weights are nonnegative.
     """
@@ -42,22 +42,22 @@ def metropolis(graph: nx.Graph) -> Weights:
 
 
 def maximum_degree(graph: nx.Graph) -> Weights:
-    """The same weight 1 / (1 + Δ) on all edges, Δ being the largest degree; form as in `metropolis`.
+    """The same weight 1 / (1 + Δ) on all edges, Δ being the largest degree; format as in `metropolis`.
 
-    Xiao and Boyd 2004, with 1 + Δ in the place of Δ, so that regular bipartite graphs converge too.
+    Xiao and Boyd 2004, with 1 + Δ instead of Δ, so that regular bipartite graphs converge too.
     All weights are nonnegative.
     """
     return _equal(graph, 1.0 / (1 + max(degree for _, degree in graph.degree)))
 
 
 def constant_edge(graph: nx.Graph, step: float | None = None) -> Weights:
-    """The same weight on all edges, W = I − step·L, L being the Laplacian; form as in `metropolis`.
+    """The same weight on all edges, W = I − step·L, L being the Laplacian; format as in `metropolis`.
 
-    The default step 2 / (λ_2 + λ_N) contracts fastest of all (Xiao and Boyd 2004). An agent of high degree may
-    then count its own state negatively.
+    The default step 2 / (λ_2 + λ_N) has the smallest contraction factor (Xiao and Boyd 2004). The own weight of an
+    agent of high degree may then be negative.
 
     Raises:
-        BadInput: a step that does not converge, outside (0, 2/λ_N); or no step on a graph that is not connected.
+        BadInput: a step outside (0, 2/λ_N), which does not converge; or no step for a graph that is not connected.
     """
     spectrum = laplacian_spectrum(graph)
     if step is None:
@@ -71,10 +71,10 @@ def constant_edge(graph: nx.Graph, step: float | None = None) -> Weights:
 
 
 def weight_matrix(graph: nx.Graph, weights: Mapping[str, Mapping[str, float]]) -> NDArray[np.float64]:
-    """The weights as a matrix W (N, N), rows and columns in natural order of the agents; zero where there is no edge.
+    """The weights as a matrix W (N, N), rows and columns in natural order of the agents; zero without an edge.
 
     Raises:
-        BadInput: a weight for an agent that is not there, or for two agents that are not neighbours.
+        BadInput: a weight for an unknown agent, or for two agents that are not neighbours.
     """
     names = agents(graph)
     row = {name: index for index, name in enumerate(names)}

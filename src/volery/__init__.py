@@ -1,8 +1,8 @@
 """volery: an asynchronous networked agent emulator over Eclipse Zenoh.
 
-`run` runs a scenario, `load` reads a run from its folder; both give a `volery.experiments.run_arrays.Run`.
-`sweep` runs a scenario over ranges of its fields and gives a `volery.experiments.sweeps.sweep_results.Sweep`.
-`connect` finds a swarm that is running, to inject faults.
+`run` runs a scenario, `load` reads a run from its folder; both return a `volery.experiments.run_arrays.Run`.
+`sweep` runs a scenario over ranges of its fields and returns a `volery.experiments.sweeps.sweep_results.Sweep`.
+`connect` connects to a running swarm, to inject faults.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def run(
     name: str | None = None,
     figures: bool = False,
 ) -> Run:
-    """Run a scenario to the end and give its arrays.
+    """Run a scenario to the end and return its arrays.
 
     >>> import volery
     >>> run = volery.run("dfa4", engine="twin", overrides=["duration=2 s"])
@@ -49,17 +49,17 @@ def run(
 
     Args:
         scenario: name of a built-in scenario, path of a YAML file, or the fields themselves.
-        overrides: such as "links.loss.bernoulli=0.3"; the later wins.
-        engine: one process an agent over Zenoh, or all of them in this one.
+        overrides: fields to set, such as "links.loss.bernoulli=0.3"; the last one of a field counts.
+        engine: one process per agent over Zenoh, or all agents in this process.
         pace: by the wall clock, or as fast as the promises of the neighbours allow.
-        speed: seconds of the run in a second of the clock, in realtime pace.
+        speed: seconds of the run per second of the wall clock, in realtime pace.
         runs: folder of runs.
-        name: of the run's folder, instead of time and scenario.
+        name: name of the run's folder; by default time and scenario.
         figures: whether to draw the figures.
     Returns:
-        The run; what went wrong in it is in its `problems`.
+        The run; its `problems` tell what went wrong.
     Raises:
-        BadInput: the scenario or an option does not fit.
+        BadInput: the scenario or an option is invalid.
         RunFailed: the swarm could not be started.
     """
     from .experiments.execution import Options
@@ -85,31 +85,31 @@ def sweep(  # noqa: PLR0913 - all but two by name
     fresh: bool = False,
     progress: bool = False,
 ) -> Sweep:
-    """Run a scenario over ranges of its fields, many times each, and give the table of all runs.
+    """Run a scenario over ranges of its fields, several times each, and return the table of all runs.
 
-    What was finished before an interruption is not run again. In a script call it under `if __name__ == "__main__":`,
-    as processes of their own do the work.
+    Runs that were finished before an interruption are not repeated. In a script call it under
+    `if __name__ == "__main__":`, as it starts worker processes.
 
     Args:
         scenario: name of a built-in scenario, path of a YAML file, or the fields themselves.
-        over: field → a range such as "0:0.8:0.1", values, or named points with what each sets, as in
+        over: field → a range such as "0:0.8:0.1", values, or named points with the fields that each sets, as in
             {"filter": {"plain": ["agents.rounds=3"], "fast": ["agents.rounds=9", "links.rate=1 Mbit/s"]}}.
-        repeat: runs of each combination, with the scenario's seed and those that follow it.
-        random: so many random combinations instead of all.
-        overrides: what is set in all runs.
-        engine: all agents in one process, or one process an agent over Zenoh in lockstep pace.
+        repeat: runs of each combination, with the scenario's seed and the seeds that follow it.
+        random: number of random combinations to run instead of all.
+        overrides: fields to set in all runs.
+        engine: all agents in one process, or one process per agent over Zenoh in lockstep pace.
         runs: folder of runs.
-        name: of the sweep's folder, instead of one that follows from what is swept.
-        workers: processes at once, by default one a core.
-        scheduler: address of a Dask scheduler whose workers do the work instead.
+        name: name of the sweep's folder; by default made from the swept fields.
+        workers: number of parallel processes, by default one per core.
+        scheduler: address of a Dask scheduler whose workers are used instead.
         keep: whether to keep the folder of each run.
-        fresh: whether to drop results that are there.
-        progress: whether to show on the standard error how far it is, and the time left.
+        fresh: whether to discard existing results.
+        progress: whether to show progress and the remaining time on standard error.
     Returns:
-        The sweep; `table` has its columns as arrays, one entry a run, `folder` is where table.parquet is.
+        The sweep; `table` has its columns as arrays with one entry per run, `folder` contains table.parquet.
     Raises:
-        BadInput: a field that does not exist, an empty range, an option that does not fit, results of another sweep.
-        RunFailed: a run could not be carried through; what is finished is kept.
+        BadInput: a field that does not exist, an empty range, an invalid option, or results of another sweep.
+        RunFailed: a run failed; finished runs are kept.
     """
     from rich.console import Console
 
@@ -125,10 +125,10 @@ def sweep(  # noqa: PLR0913 - all but two by name
 
 
 def load(folder: str | Path) -> Run:
-    """The run in a folder, as `run` gave it.
+    """Load the run in a folder, as `run` returned it.
 
     Raises:
-        BadInput: no run there, or a damaged record.
+        BadInput: no run in the folder, or a damaged record.
     """
     from .experiments.run_arrays import load_run
 
@@ -136,13 +136,13 @@ def load(folder: str | Path) -> Run:
 
 
 def connect(folder: str | Path) -> RunningSwarm:
-    """The swarm that runs in a folder, to inject faults, ask how it is, and end it.
+    """Connect to the swarm that runs in a folder, to inject faults, query its status, and stop it.
 
-    `connect("runs/demo").inject({"cut": "3-7", "for": "2 s"})` cuts a link of the swarm that
-    `volery run SCENARIO --detach --name demo` has started.
+    `connect("runs/demo").inject({"cut": "3-7", "for": "2 s"})` cuts a link of the swarm started by
+    `volery run SCENARIO --detach --name demo`.
 
     Raises:
-        BadInput: no swarm runs there.
+        BadInput: no swarm runs in the folder.
     """
     from .experiments.swarm.running_swarm import connect as connect_to
 

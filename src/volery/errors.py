@@ -1,16 +1,16 @@
-"""The one hierarchy of errors. A simulated loss is never an error."""
+"""Errors of volery. A simulated loss is never an error."""
 
 
 class VoleryError(Exception):
-    """Base of every error that volery raises on purpose; `exit_code` is what the command line ends with."""
+    """Base of all errors that volery raises on purpose; `exit_code` is the exit code of the command line."""
 
     exit_code = 1
 
 
 class BadInput(VoleryError, ValueError):
-    """What was asked for cannot be done: the message names the value, the bound, the place and the remedy.
+    """Invalid input: the message names the value, the bound, the place and the remedy.
 
-    `place`: keys and indices that lead to the offending field, from the settings that refuse it.
+    `place`: keys and indices of the offending field, relative to the settings that refuse it.
     """
 
     exit_code = 2
@@ -20,9 +20,9 @@ class BadInput(VoleryError, ValueError):
         self.place = place
 
     def __reduce__(self) -> tuple[type["BadInput"], tuple[str, tuple[str | int, ...]]]:
-        """For other processes."""
+        """Pickle with both arguments, for other processes."""
         return type(self), (str(self), self.place)
 
 
 class RunFailed(VoleryError):
-    """A run could not be carried through: a process died, a promise was broken, the middleware lost a frame."""
+    """A run failed: for example, a process died, a promise was broken, or the middleware lost a frame."""

@@ -13,15 +13,15 @@ from .names import did_you_mean, imported_class
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """All kinds of one sort, and how a scenario chooses one; in `Annotated[Base, kinds]` it marks such a field.
+    """The kinds of one category, and how a scenario chooses one; `Annotated[Base, kinds]` marks such a field.
 
-    what: how errors call one of them, such as "agent kind".
-    built_in: name → class, or where it is, as `package.module:Name`.
-    tag: how the kind is written. `key`: {name: {fields}}, or the name alone, or {name: value of the first field};
-        `kind`: {kind: name, fields}; `beside`: as `key`, where other fields may stand beside the name.
-    scalar: the kind whose first field a bare quantity is.
-    entry_points: the group of entry points that add names, and with which `package.module:Name` is allowed.
-    base: what all of them are subclasses of.
+    what: name of the category in error messages, such as "agent kind".
+    built_in: name → class, or its import string `package.module:Name`.
+    tag: syntax in a scenario. `key`: {name: {fields}}, or the name alone, or {name: value of the first field};
+        `kind`: {kind: name, fields}; `beside`: as `key`, but other fields may be given beside the name.
+    scalar: the kind that a bare quantity stands for, as the value of its first field.
+    entry_points: group of entry points that add names; if given, `package.module:Name` is also allowed.
+    base: base class of all kinds.
     """
 
     what: str
@@ -32,7 +32,7 @@ class Kinds:
     base: type[Any] = object
 
     def names(self) -> list[str]:
-        """Every kind that has a name."""
+        """Names of all kinds."""
         added = (point.name for point in entry_points(group=self.entry_points)) if self.entry_points else ()
         return list(dict.fromkeys((*self.built_in, *sorted(added))))
 

@@ -1,4 +1,4 @@
-"""Names that users write: which one was probably meant, and classes by `package.module:Class`."""
+"""Names in user input: the nearest known name, and classes by `package.module:Class`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ Base = TypeVar("Base")
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that was probably meant, if there is one."""
+    """The known name that is most similar, or None if none is similar enough."""
     return next(iter(difflib.get_close_matches(name, sorted(known), 1)), None)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint in parentheses: the nearest known name, else all of them; empty where none is known."""
+    """A hint in parentheses: the nearest known name, or else all of them; empty if there are none."""
     names = sorted(known)
     if near := nearest(name, names):
         return f" (did you mean {near!r}?)"
@@ -26,12 +26,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def imported_class(target: str, base: type[Base], what: str) -> type[Base]:
-    """The class that an import string names.
+    """Import the class of an import string.
 
     Args:
         target: `package.module:Class`.
-        base: what it must be a subclass of.
-        what: how an error begins, such as "filter 'mine:Best'".
+        base: required base class.
+        what: start of error messages, such as "filter 'mine:Best'".
     Raises:
         BadInput: no such module or class, or not a subclass.
     """

@@ -1,7 +1,7 @@
-"""Keyed random streams: each draw is a function of (seed, purpose, names of the ends, index) and of nothing else.
+"""Keyed random streams: each draw is a function only of (seed, purpose, names of the ends, index).
 
-A stream draws in blocks from the counter-based generator Philox, so that the draw of an index does not depend on which
-draws were taken before it, and adding an agent or a fault shifts nobody else's.
+A stream draws in blocks from the counter-based generator Philox. The draw of an index does not depend on the draws
+taken before it, and adding an agent or a fault does not change the draws of others.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _STANDARD_NORMAL = NormalDist()
 
 
 class Stream:
-    """Draws of one purpose, by index. Memory is one block of 64 draws, and the generator of the next block."""
+    """Draws for one purpose, by index. It stores one block of 64 draws, and the generator of the next block."""
 
     __slots__ = ("_block", "_draws", "_generator", "_key")
 
@@ -27,7 +27,7 @@ class Stream:
         self._generator: Philox | None = None
 
     def uniform(self, index: int) -> float:
-        """The index-th draw, uniform in the open interval (0, 1), with 52 bits: neither end is ever reached."""
+        """The index-th draw, uniform in the open interval (0, 1), with 52 bits."""
         block, offset = divmod(index, _BLOCK)
         if block != self._block:
             if self._generator is None or block != self._block + 1:
@@ -37,11 +37,11 @@ class Stream:
         return ((self._draws[offset] >> 12) + 0.5) * 2.0**-52
 
     def normal(self, index: int) -> float:
-        """The index-th draw from the standard normal law, by the inverse of its distribution function."""
+        """The index-th draw from the standard normal distribution, by the inverse of its distribution function."""
         return _STANDARD_NORMAL.inv_cdf(self.uniform(index))
 
     def normals(self, first: int, count: int) -> list[float]:
-        """`normal` of `count` indices from the first on: the same draws in less time where they lie in one block."""
+        """`normal` for `count` indices from the first on; faster than single draws if they are in one block."""
         offset = first % _BLOCK
         if offset + count > _BLOCK:
             return [self.normal(first + further) for further in range(count)]
@@ -51,6 +51,6 @@ class Stream:
 
 
 def stream(seed: int, purpose: str, *names: str) -> Stream:
-    """The stream of one purpose between the named ends; the same words give the same stream on every machine."""
+    """The stream of one purpose between the named ends; the same on every machine."""
     words = "\x1f".join((str(seed), purpose, *names)).encode()
     return Stream(int.from_bytes(hashlib.blake2b(words, digest_size=16).digest(), "little"))

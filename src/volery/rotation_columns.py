@@ -1,7 +1,7 @@
-"""Rotations of `rotations` for many bodies at once, a column each: the same convention; `rotation_stacks` has rows.
+"""Functions of `rotations` for many bodies at once, in columns; `rotation_stacks` has rows. The convention is the same.
 
-Shapes: quaternions (4, …), matrices (3, 3, …), vectors (3, …), with the same further axes. A few calls on whole arrays
-do all of it: for few vehicles the number of calls is what costs.
+Shapes: quaternions (4, …), matrices (3, 3, …), vectors (3, …), with the same further axes. The functions make as few
+NumPy calls as possible, because for few vehicles the number of calls determines the time.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 _TINY = 1e-300
-"""Divides in the place of 0, where the quotient is multiplied by 0 anyway."""
+"""Replaces a divisor of 0 where the quotient is multiplied by 0 anyway."""
 
 
 def dots(v: Floats, w: Floats) -> Floats:
-    """The inner products of vectors, or of quaternions, (…): sums over the first axis."""
+    """Inner products of vectors or quaternions over the first axis, (…)."""
     return np.asarray(np.add.reduce(v * w))
 
 
 def norms(v: Floats) -> Floats:
-    """The lengths of vectors, or of quaternions, (…)."""
+    """Norms of vectors or quaternions, (…)."""
     return np.asarray(np.sqrt(dots(v, v)))
 
 
 def products(p: Floats, q: Floats) -> Floats:
-    """The Hamilton products p ⊙ q, (4, …): each component is a sum of products of two components."""
+    """Hamilton products p ⊙ q, (4, …)."""
     pairs = (p[:, None] * q).reshape(16, -1)
     return np.asarray((_HAMILTON @ pairs).reshape(q.shape))
 
@@ -44,14 +44,14 @@ _HAMILTON = _hamilton()
 
 
 def conjugates(q: Floats) -> Floats:
-    """The inverse rotations, (4, …)."""
+    """Inverse rotations, (4, …)."""
     result = -q
     result[0] = q[0]
     return result
 
 
 def exponentials(rotvec: Floats) -> Floats:
-    """The unit quaternions of rotation vectors [rad], (4, …)."""
+    """Unit quaternions of rotation vectors [rad], (4, …)."""
     half = 0.5 * norms(rotvec)
     result = np.empty((4, *rotvec.shape[1:]))
     result[0] = np.cos(half)
@@ -60,13 +60,13 @@ def exponentials(rotvec: Floats) -> Floats:
 
 
 def matrices(q: Floats) -> Floats:
-    """The rotation matrices R(q) of unit quaternions, (3, 3, …): each entry is a sum of products of two components."""
+    """Rotation matrices R(q) of unit quaternions, (3, 3, …)."""
     pairs = (q[:, None] * q).reshape(16, -1)
     return np.asarray((_QUADRATIC @ pairs).reshape(3, 3, *q.shape[1:]))
 
 
 def _quadratic() -> Floats:
-    """R = w² + x² − y² − z² and so on, as rows of coefficients of the products of components, (9, 16)."""
+    """Coefficients of the entries of R, such as w² + x² − y² − z², in the products of components, (9, 16)."""
     w, x, y, z = range(4)
     rows = np.zeros((3, 3, 4, 4))
     for axis, (own, second, third) in enumerate(((x, y, z), (y, z, x), (z, x, y))):
@@ -81,5 +81,5 @@ _QUADRATIC = _quadratic()
 
 
 def turned_back(R: Floats, v: Floats) -> Floats:
-    """The vectors Rᵀ v, (3, …): inertial coordinates become the body's."""
+    """Vectors Rᵀ v, (3, …): from inertial to body coordinates."""
     return dots(R, v[:, None])

@@ -1,8 +1,8 @@
-"""Rotations of `rotations` for n at once, for estimators that work on all points of a window: the same convention.
+"""Functions of `rotations` for n rotations at once, for estimators that process all points of a window.
 
-Arrays are float64 with the rotation along the first axis: quaternions (n, 4), vectors (n, 3), matrices (n, 3, 3). What
-is meant, and the equations, stand in `rotations` under the singular of each name. `rotation_columns` has them along the
-last axis, for worlds of few bodies.
+Arrays are float64 with the rotations along the first axis: quaternions (n, 4), vectors (n, 3), matrices (n, 3, 3). The
+convention is that of `rotations`, which documents each function under the singular of its name. `rotation_columns` has
+rotations along the last axis, for worlds of few bodies.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-2
-"""Up to here two terms of (θ − sin θ)/θ³ are exact to 2e-12; below it the difference itself loses digits."""
+"""Below this angle two terms of the series of (θ − sin θ)/θ³ are used, exact to 2e-12: the difference loses digits."""
 _LEAST = float(np.finfo(np.float64).tiny)
-"""A squared length counts for no less, so that one can divide by lengths: sin x / x of its root is 1."""
+"""Lower bound of squared lengths, to avoid division by zero; sin x / x of its root is 1."""
 _IDENTITY = np.eye(3)
 _GENERATORS = np.zeros((3, 9))
-"""Vectors → the nine entries of their skew matrices."""
+"""Linear map from vectors to the nine entries of their skew matrices."""
 _GENERATORS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
 _PRODUCT = np.array(
     [
@@ -33,18 +33,18 @@ _PRODUCT = np.array(
 
 
 def quaternion_products(p: Floats, q: Floats) -> Floats:
-    """P ⊙ q, row by row."""
+    """Products p ⊙ q of the rows."""
     left = (p @ _PRODUCT.reshape(4, 16)).reshape(-1, 4, 4)
     return np.asarray((q[:, np.newaxis, :] @ left)[:, 0, :])
 
 
 def conjugates(q: Floats) -> Floats:
-    """Quaternions with their vector parts turned round."""
+    """Quaternions with negated vector parts."""
     return q * (1.0, -1.0, -1.0, -1.0)
 
 
 def normalised_rows(q: Floats) -> Floats:
-    """Unit quaternions in the directions of q; what is not finite stays so."""
+    """Rows divided by their norms; rows that are not finite stay so."""
     return np.asarray(q / np.sqrt(np.vecdot(q, q))[:, np.newaxis])
 
 
@@ -56,7 +56,7 @@ def exp_quaternions(rotvecs: Floats) -> Floats:
 
 
 def log_quaternions(q: Floats) -> Floats:
-    """Rotation vectors [rad] of unit quaternions, the shorter way round."""
+    """Rotation vectors [rad] of unit quaternions, with angles of at most π."""
     cosines, vectors = q[:, :1], q[:, 1:]
     sines = _lengths(vectors)
     halves = np.where(cosines < 0.0, -1.0, 1.0) * np.arctan2(sines, abs(cosines))
@@ -86,5 +86,5 @@ def right_jacobians(rotvecs: Floats) -> Floats:
 
 
 def _lengths(v: Floats) -> Floats:
-    """Lengths of the rows, (n, 1), above 0 even for rows of zeros."""
+    """Norms of the rows, (n, 1), above 0 even for rows of zeros."""
     return np.asarray(np.sqrt(np.maximum(np.vecdot(v, v), _LEAST)))[:, np.newaxis]

@@ -1,11 +1,11 @@
-"""Rotations, once for all: unit quaternions and SO(3), and the convention that every other module follows.
+"""Rotations: unit quaternions and SO(3), with the convention of all other modules.
 
-A quaternion is (w, x, y, z), scalar first, with the Hamilton product (i j = k). As an attitude it turns the body's
-coordinates into inertial ones, v_I = R(q) v_B; q and −q are the same attitude. Rates are in body coordinates,
+A quaternion is (w, x, y, z), scalar first, with the Hamilton product (i j = k). As an attitude it maps body coordinates
+to inertial coordinates, v_I = R(q) v_B; q and −q are the same attitude. Rates are in body coordinates,
 q̇ = ½ q ⊙ (0, ω) and Ṙ = R skew(ω). A rotation vector is axis times angle [rad]. Euler angles are roll, pitch and yaw,
 q = q_z(yaw) ⊙ q_y(pitch) ⊙ q_x(roll). Arrays are float64: quaternions (4,), vectors (3,), matrices (3, 3).
 
-Calls are for one rotation at a time and are made at 100 Hz by agents, so their bodies work on plain floats.
+Functions take one rotation at a time and are called at 100 Hz by agents; they therefore compute with plain floats.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 _Four = tuple[float, float, float, float]
 
 UNIT_WITHIN = 1e-6
-"""A norm of 1, a matrix orthogonal or skew: to this much. Rounding stays far below, wrong units or axes far above."""
+"""Tolerance of norm 1, orthogonality and skew symmetry: far above rounding errors, far below wrong units or axes."""
 
 
 # -- Quaternions --------------------------------------------------------------------------------------------------
@@ -33,29 +33,29 @@ def quaternion_product(p: Floats, q: Floats) -> Floats:
 
 
 def conjugate(q: Floats) -> Floats:
-    """The quaternion with its vector part turned round, (4,): of a unit quaternion the inverse."""
+    """The quaternion with its vector part negated, (4,): the inverse of a unit quaternion."""
     w, x, y, z = q.tolist()
     return np.array((w, -x, -y, -z))
 
 
 def normalised(q: Floats) -> Floats:
-    """The unit quaternion in the direction of q, (4,).
+    """The quaternion q divided by its norm, (4,).
 
     Raises:
-        BadInput: the norm is zero or not finite, so that there is no direction.
+        BadInput: the norm is zero or not finite.
     """
     return np.array(_normalised(*q.tolist()))
 
 
 def unit(q: Floats, what: str) -> Floats:
-    """The quaternion q, (4,), which has to be of norm 1 to a millionth; what rounding left of that is taken away.
+    """Check that the norm of q, (4,), is 1 to a millionth, and return q normalised.
 
     Args:
         q: (4,), scalar first.
-        what: whose quaternion it is, for the message.
+        what: name of the quaternion, for the message.
 
     Raises:
-        BadInput: the norm is off; the message has it, and the remedy.
+        BadInput: the norm is wrong; the message gives it, and the remedy.
     """
     norm = math.hypot(*q.tolist())
     if not abs(norm - 1.0) <= UNIT_WITHIN:
@@ -67,12 +67,12 @@ def unit(q: Floats, what: str) -> Floats:
 
 
 def same_sign(q: Floats, reference: Floats) -> Floats:
-    """Of q and −q, which are one attitude, the one nearer to the reference, (4,)."""
+    """The one of q and −q, which are the same attitude, that is nearer to the reference, (4,)."""
     return -q if float(q @ reference) < 0.0 else q
 
 
 def rotate(q: Floats, v: Floats) -> Floats:
-    """The vector v turned by the unit quaternion q, R(q) v, (3,): body coordinates become inertial ones."""
+    """The vector v rotated by the unit quaternion q, R(q) v, (3,): from body to inertial coordinates."""
     w, x, y, z = q.tolist()
     a, b, c = v.tolist()
     s, t, u = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
@@ -87,8 +87,8 @@ def to_matrix(q: Floats) -> Floats:
 def from_matrix(R: Floats) -> Floats:
     """The unit quaternion of a rotation matrix, (4,), with w ≥ 0.
 
-    Of the four squared components the largest is taken from the diagonal, the others from it, so that no small number
-    divides (Shepperd 1978).
+    The largest of the four components is computed from the diagonal, the others relative to it, so that no divisor is
+    small (Shepperd 1978).
 
     Raises:
         BadInput: R is not a rotation.
@@ -120,7 +120,7 @@ def exp_quaternion(rotvec: Floats) -> Floats:
 
 
 def log_quaternion(q: Floats) -> Floats:
-    """The rotation vector [rad] of a unit quaternion, (3,), the shorter way round: its length is at most π."""
+    """The rotation vector [rad] of a unit quaternion, (3,), of length at most π."""
     w, x, y, z = q.tolist()
     sine = math.hypot(x, y, z)
     factor = 2.0 * math.atan2(sine, abs(w)) / sine if sine > 0.0 else 2.0
@@ -130,7 +130,7 @@ def log_quaternion(q: Floats) -> Floats:
 
 
 def angle_between(p: Floats, q: Floats) -> float:
-    """The angle [rad] of the rotation that takes attitude p to attitude q, from 0 to π."""
+    """The angle [rad] of the rotation from attitude p to attitude q, in [0, π]."""
     w, x, y, z = p.tolist()
     a, b, c, d = _product(w, -x, -y, -z, *q.tolist())
     return 2.0 * math.atan2(math.hypot(b, c, d), abs(a))
@@ -140,11 +140,11 @@ def mean_quaternion(qs: Floats, weights: Floats | None = None) -> Floats:
     """The mean attitude: the unit quaternion q that minimises Σ w_i ‖R(q) − R(q_i)‖² (Frobenius).
 
     q is the eigenvector of Σ w_i q_i q_iᵀ with the largest eigenvalue (Markley, Cheng, Crassidis and Oshman 2007). The
-    signs of the q_i make no difference; that of the mean is the first one's.
+    signs of the q_i do not matter; the mean has the sign of the first.
 
     Args:
         qs: (N, 4), unit quaternions, N ≥ 1.
-        weights: (N,), ≥ 0 and not all 0; without them all count alike.
+        weights: (N,), ≥ 0 and not all 0; equal by default.
 
     Raises:
         BadInput: no quaternions, or weights that are negative or all zero.
@@ -162,7 +162,7 @@ def mean_quaternion(qs: Floats, weights: Floats | None = None) -> Floats:
 
 
 def euler_to_quaternion(roll: float, pitch: float, yaw: float) -> Floats:
-    """The unit quaternion of roll, pitch and yaw [rad], (4,): about body x after y after z."""
+    """The unit quaternion of roll, pitch and yaw [rad], (4,): q_z(yaw) ⊙ q_y(pitch) ⊙ q_x(roll)."""
     sr, cr, sp, cp = math.sin(0.5 * roll), math.cos(0.5 * roll), math.sin(0.5 * pitch), math.cos(0.5 * pitch)
     sy, cy = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
     return np.array(
@@ -178,8 +178,8 @@ def euler_to_quaternion(roll: float, pitch: float, yaw: float) -> Floats:
 def quaternion_to_euler(q: Floats) -> Floats:
     """Roll, pitch and yaw [rad] of a unit quaternion, (3,): pitch in [−π/2, π/2], the others in [−π, π].
 
-    (w ± y) and (z ∓ x) are sines and cosines of half of yaw ∓ roll, times a length that gives the pitch, so that no
-    arcsine loses digits. Where pitch is ±π/2, roll and yaw turn about one axis and are shared out equally.
+    (w ± y) and (z ∓ x) are cosines and sines of half of yaw ∓ roll, times a length that gives the pitch, so that no
+    arcsine loses digits. At a pitch of ±π/2, where only yaw ∓ roll is determined, it is split equally.
     """
     w, x, y, z = q.tolist()
     half_difference, half_sum = math.atan2(z - x, w + y), math.atan2(z + x, w - y)
@@ -233,7 +233,7 @@ def project_so3(M: Floats) -> Floats:
     """The rotation matrix nearest to M in the Frobenius norm, (3, 3): U diag(1, 1, det U Vᵀ) Vᵀ of M = U Σ Vᵀ.
 
     Raises:
-        BadInput: M has no nearest rotation of its own (rank below 2, or a reflection without a weakest axis), or is not
+        BadInput: the nearest rotation is not unique (rank below 2, or a reflection without a weakest axis), or M is not
             finite.
     """
     if not np.isfinite(M).all():
@@ -265,7 +265,7 @@ def _normalised(w: float, x: float, y: float, z: float) -> _Four:
 
 
 def _exp(x: float, y: float, z: float) -> _Four:
-    """(cos θ/2, v sin(θ/2)/θ): as hypot does not underflow, the quotient is good down to the smallest θ."""
+    """(cos θ/2, v sin(θ/2)/θ): as hypot does not underflow, the quotient is accurate down to the smallest θ."""
     angle = math.hypot(x, y, z)
     factor = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
     return math.cos(0.5 * angle), factor * x, factor * y, factor * z

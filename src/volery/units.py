@@ -1,7 +1,7 @@
-"""Quantities with units: read and write "20 Hz", "2 ms", "115.2 kbit/s", "5 deg", and say which unit a field is in.
+"""Quantities with units: read and write "20 Hz", "2 ms", "115.2 kbit/s", "5 deg", and mark the units of fields.
 
-A field's type names its unit, e.g. `rate: Hertz`, `latency: Nanoseconds`. The scenario reader turns text into the
-number in that unit; a plain number is refused where a unit is needed, so that nobody guesses between ms and s.
+A field's type names its unit, e.g. `rate: Hertz`, `latency: Nanoseconds`. The scenario reader converts text to the
+number in that unit; it refuses a plain number where a unit is needed, so that ms and s are not confused.
 """
 
 from __future__ import annotations
@@ -63,15 +63,15 @@ _WRITTEN_IN = {
     "rad": ("deg", "rad"),
     "ppb": ("ppm", "ppb"),
 }
-"""Units of a kind in which a number may be written, where there are several."""
+"""Units that `quantity` chooses from, where there are several."""
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d].*?)?\s*")
 
 
 def parse(text: str, unit: str) -> float | int:
-    """Read a quantity such as "2.5 ms" as a number in `unit`; nanoseconds, bytes and ppb come out whole.
+    """Read a quantity such as "2.5 ms" as a number in `unit`; nanoseconds, bytes and ppb are returned as integers.
 
     Raises:
-        BadInput: not a number with a unit, or a unit of another kind; the message lists the units that fit.
+        BadInput: not a number with a unit, or a unit of another dimension; the message lists the allowed units.
     """
     scales = _SCALES[unit]
     match = _QUANTITY.fullmatch(text)
@@ -86,7 +86,7 @@ def parse(text: str, unit: str) -> float | int:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Text such as "2.5 ms" that `parse` reads as exactly this value, in the unit that makes it shortest."""
+    """Text such as "2.5 ms" that `parse` reads as exactly this value, in the unit with the shortest text."""
     exact = f"{value!r} {unit}"
     texts = [f"{_number(value, name, unit)} {name}" for name in _WRITTEN_IN.get(unit, (unit,))]
     return min((text for text in (*texts, exact) if parse(text, unit) == value), key=len)
@@ -99,16 +99,16 @@ def _number(value: float, name: str, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Unit:
-    """Marks a field's unit, in `Annotated[float, Unit("Hz")]`; where `bare` numbers are allowed, they are in it."""
+    """Marks a field's unit, as in `Annotated[float, Unit("Hz")]`; `bare`: plain numbers in this unit are allowed."""
 
     name: str
     bare: bool = False
 
     def read(self, value: object) -> float | int:
-        """The number in this unit; text is parsed, 0 needs no unit, any other number is refused unless it may be bare.
+        """The number in this unit: text is parsed; a plain number is refused unless it is 0 or `bare` is set.
 
         Raises:
-            BadInput: no such quantity.
+            BadInput: not a quantity in this unit.
         """
         if isinstance(value, str):
             return parse(value, self.name)
@@ -122,22 +122,22 @@ class Unit:
 
     @property
     def signed(self) -> bool:
-        """Whether a quantity in it may be below 0 at all."""
+        """Whether quantities in this unit may be negative."""
         return self.name not in _UNSIGNED
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Units in which it may be written."""
+        """The units in which a quantity may be written."""
         return tuple(_SCALES[self.name])
 
 
 OWNERS = Unit("")
-"""Marks a number whose unit is that of what it belongs to, as the amplitude of a signal."""
+"""Marks a number in the unit of the quantity that it belongs to, such as the amplitude of a signal."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Marks what a plain number lies between, both ends included."""
+    """Marks the bounds of a plain number, both included."""
 
     least: float | None = None
     most: float | None = None
@@ -145,7 +145,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class OneOrMany:
-    """Marks a tuple for which one item may be written alone, and `none`, if that is given, for an empty one."""
+    """Marks a tuple that may be written as a single item without a list, or as the word `none`, if given, if empty."""
 
     none: str | None = None
 
@@ -161,7 +161,7 @@ Kilograms = Annotated[float, Unit("kg")]
 Seconds = Annotated[float, Unit("s")]
 Metres = Annotated[float, Unit("m")]
 BareMetres = Annotated[float, Unit("m", bare=True)]
-"""Metres for which a plain number may stand too."""
+"""Metres, which may also be given as a plain number."""
 MetresPerSecond = Annotated[float, Unit("m/s")]
 MetresPerSecondSquared = Annotated[float, Unit("m/s²")]
 MetresPerRootSecond = Annotated[float, Unit("m/√s")]
@@ -180,7 +180,7 @@ PartsPerBillion = Annotated[int, Unit("ppb")]
 
 
 def unit_of(hint: Any) -> str | None:
-    """The unit in an annotated type, or in one alternative of a union."""
+    """The unit of an annotated type, or of one member of a union."""
     for mark in getattr(hint, "__metadata__", ()):
         if isinstance(mark, Unit):
             return mark.name
@@ -191,14 +191,14 @@ def check_above_zero(name: str, value: float, unit: str = "") -> None:
     """Refuse a number that is not finite and above 0.
 
     Raises:
-        BadInput: with name, value and unit.
+        BadInput: the message gives name, value and unit.
     """
     if not 0 < value < math.inf:
         raise BadInput(f"{name} is {value:g}{unit and f' {unit}'}, it must be above 0 and finite")
 
 
 def check_fields_above_zero(parameters: object, *names: str) -> None:
-    """Refuse fields of a dataclass that are not finite and above 0; None is not given, the unit is that of the type.
+    """Refuse fields of a dataclass that are not finite and above 0, except None; the unit is that of the type.
 
     Raises:
         BadInput: as `check_above_zero`, for the first such field.
@@ -211,7 +211,7 @@ def check_fields_above_zero(parameters: object, *names: str) -> None:
 
 
 def period_ns(rate_hz: float, index: int) -> int:
-    """Nominal time of the index-th period of a rate: floor(index·10⁹ / rate), exactly."""
+    """Nominal start of the index-th period of a rate: floor(index·10⁹ / rate), exactly."""
     numerator, denominator = rate_hz.as_integer_ratio()
     return index * 1_000_000_000 * denominator // numerator
 
