@@ -1,1 +1,1 @@
-"""Links between agents: wire format, impairments, media, faults, promises, the twin's heap, and the door to Zenoh."""
+"""Links between agents: wire format, impairments, media, faults, promises, the twin's heap, and the Zenoh adapter."""

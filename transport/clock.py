@@ -1,6 +1,6 @@
-"""An agent's own clock: true time, and what the faults in force do to its reading.
+"""An agent's local clock: its reading as a function of nominal time and of the active clock faults.
 
-reading(t) = t + Σ (offset + (t − at) · drift // 10⁹) over the clock faults in force, t in nominal nanoseconds.
+reading(t) = t + Σ (offset + (t − at) · drift // 10⁹) over the active clock faults, t in nominal nanoseconds.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ _BILLION = 1_000_000_000
 
 
 class Clock:
-    """A reading between two changes of the clock faults in force; without any it is nominal time itself.
+    """A clock between two changes of the active clock faults; without faults it shows nominal time.
 
     Raises:
-        BadInput: drifts that add up to a clock that stands still or goes back.
+        BadInput: the sum of the drifts makes the clock stand still or run backwards.
     """
 
     __slots__ = ("_drift_ppb", "_faults", "true")
@@ -30,17 +30,17 @@ class Clock:
             raise BadInput(f"the drifts of one clock add up to {self._drift_ppb} ppb: it would not go forward")
 
     def reading(self, time_ns: int) -> int:
-        """What the clock shows at a nominal instant."""
+        """Reading of the clock at a nominal instant."""
         if self.true:
             return time_ns
         return time_ns + sum(offset + (time_ns - at) * drift // _BILLION for at, offset, drift in self._faults)
 
     def first_reading(self, time_ns: int) -> int:
-        """The least reading that is not reached before an instant: a fast clock shows several within a nanosecond."""
+        """The smallest reading that is not reached before an instant; a fast clock has several within a nanosecond."""
         return self.reading(time_ns - 1) + 1
 
     def when(self, reading_ns: int, from_ns: int) -> int:
-        """The first nominal instant from `from_ns` on at which the clock shows at least `reading_ns`."""
+        """The first nominal instant from `from_ns` on at which the reading is at least `reading_ns`."""
         if self.true or self.reading(from_ns) >= reading_ns:
             return max(reading_ns, from_ns) if self.true else from_ns
         missing = reading_ns - self.reading(from_ns)

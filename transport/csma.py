@@ -1,9 +1,9 @@
 """Carrier sense: the unslotted CSMA-CA of IEEE 802.15.4 (2006, 7.5.1.4), without acknowledgement.
 
-Before each frame a radio waits a random number of backoff periods, then listens for `cca`. If it heard nothing, it
-turns round and transmits; else it waits again, up to twice as long, and gives up after `max_backoffs` more attempts.
-Two radios collide where one begins to transmit after the other has listened: within the turnaround, or because they do
-not hear each other.
+Before each frame a radio waits a random number of backoff periods, then senses the channel for `cca`. If the channel is
+clear, it turns from receiving to transmitting, and transmits; else it waits again, up to twice as long, and gives up
+after `max_backoffs` more attempts. Two radios collide if one begins to transmit after the other has sensed the channel:
+within its turnaround, or because they do not hear each other.
 """
 
 from __future__ import annotations
@@ -17,22 +17,19 @@ from .events import FOREVER_NS
 
 _MICROSECOND_NS = 1_000
 _ATTEMPTS = 16
-"""Draws that each frame has of its own."""
+"""Number of random draws reserved for each frame."""
 
 
 @dataclass(frozen=True)
 class Csma:
     """Parameters of carrier sense, by default those of the standard with the 16 µs symbols of the 2450 MHz band.
 
-    In its words: macMinBE, macMaxBE, macMaxCSMABackoffs, aUnitBackoffPeriod (20 symbols), the clear channel assessment
-    (8 symbols) and aTurnaroundTime (12 symbols).
-
-    min_be: macMinBE, the smallest backoff exponent.
-    max_be: macMaxBE, the largest one.
+    min_be: macMinBE, smallest backoff exponent.
+    max_be: macMaxBE, largest backoff exponent.
     max_backoffs: macMaxCSMABackoffs, attempts after the first.
-    period: aUnitBackoffPeriod.
-    cca: how long the channel is listened to.
-    turnaround: aTurnaroundTime.
+    period: aUnitBackoffPeriod, 20 symbols by default.
+    cca: duration of the clear channel assessment, 8 symbols by default.
+    turnaround: aTurnaroundTime, 12 symbols by default.
     """
 
     min_be: int = 3
@@ -52,15 +49,15 @@ class Csma:
             raise BadInput("period, cca and turnaround are above 0")
 
     def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
-        """The earliest that a frame can start which is not offered before `ready_ns`: without any backoff."""
+        """Earliest start of a frame that is not offered before `ready_ns`, which is that without backoff."""
         return ready_ns + self.cca + self.turnaround
 
 
 class Contention:
-    """One radio's attempts to get hold of the channel: a state machine without a clock.
+    """One radio's attempts to access the channel: a state machine without a clock.
 
-    While it contends, `sense_ns` is when it has listened; once it has found the channel free, `start_ns` is when its
-    frame starts.
+    While it contends, `sense_ns` is the end of its clear channel assessment; once the channel is clear, `start_ns` is
+    the start of its frame.
     """
 
     __slots__ = ("_attempt", "_draws", "_exponent", "_frames", "access", "sense_ns", "start_ns")
@@ -76,17 +73,17 @@ class Contention:
 
     @property
     def idle(self) -> bool:
-        """Whether it is neither listening nor about to transmit."""
+        """Whether it neither contends nor is about to transmit."""
         return self.sense_ns is None and self.start_ns is None
 
     def earliest_ns(self) -> int:
-        """The earliest that the frame in hand can start; for ever without one."""
+        """Earliest start of the present frame; FOREVER_NS without one."""
         if self.start_ns is not None:
             return self.start_ns
         return FOREVER_NS if self.sense_ns is None else self.sense_ns + self.access.turnaround
 
     def begin(self, now_ns: int) -> int:
-        """Contend for the next frame from now on; when the channel will have been listened to."""
+        """Begin contention for the next frame, and return the end of the clear channel assessment."""
         self._attempt, self._exponent = 0, self.access.min_be
         self._frames += 1
         self.start_ns = None
@@ -98,7 +95,7 @@ class Contention:
         return self.sense_ns
 
     def sensed(self, now_ns: int, *, busy: bool) -> bool:
-        """What was heard until now; False if it gives up. Otherwise `start_ns` or the next `sense_ns` is set."""
+        """End a clear channel assessment: set `start_ns` or the next `sense_ns`, or return False to give up."""
         self.sense_ns = None
         if not busy:
             self.start_ns = now_ns + self.access.turnaround
@@ -111,5 +108,5 @@ class Contention:
         return True
 
     def started(self) -> None:
-        """The frame is on the air."""
+        """Note that the frame is on the air."""
         self.start_ns = None

@@ -1,4 +1,4 @@
-"""Loss that grows with the distance of the two ends: path loss, shadowing and the receiver's sensitivity."""
+"""Loss as a function of distance: path loss, shadowing and the receiver's sensitivity."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from .stages import LossStage, Memory, Surroundings
 
 @dataclass(frozen=True)
 class Distance:
-    """Log-distance path loss with log-normal shadowing, and a receiver that loses half the frames at its sensitivity.
+    """Log-distance path loss with log-normal shadowing; the receiver loses half of the frames at its sensitivity.
 
     received = power − reference_loss − 10·exponent·log₁₀(d / reference_distance) − X,  X ~ N(0, shadowing²)
     P(lost) = 1 / (1 + exp((received − sensitivity) / width))
-    Rappaport 2002, §4.9. Nearer than the reference distance the loss is that of the reference distance. Both directions
-    of a link have the same X. It stays as it is, or is drawn anew after exponential times with mean `decorrelation`,
-    so that its autocorrelation is exp(−t / decorrelation), the shape that Gudmundson 1991 measured.
+    Rappaport 2002, §4.9. Below the reference distance the path loss is constant. Both directions of a link have the
+    same X. X is constant, or changes to a new random value after exponential times with mean `decorrelation`, so that
+    its autocorrelation is exp(−t / decorrelation), the shape that Gudmundson 1991 measured.
 
-    Letters: d distance of the ends when the airtime starts [m], X shadowing [dB].
+    Letters: d distance of the ends at the start of transmission [m], X shadowing [dB].
 
-    exponent: 2 in free space, more indoors.
-    sensitivity: received power at which half the frames are lost.
-    power: of the transmitter.
-    reference_loss: at the reference distance; the default is that of free space over 1 m at 2.4 GHz.
-    reference_distance: of the reference loss.
-    width: of the receiver's logistic curve; 0 makes it a threshold.
+    exponent: path loss exponent, 2 in free space, more indoors.
+    sensitivity: received power at which half of the frames are lost.
+    power: power of the transmitter.
+    reference_loss: path loss at the reference distance; the default is that of free space over 1 m at 2.4 GHz.
+    reference_distance: distance of the reference loss.
+    width: width of the receiver's logistic curve; 0 makes it a threshold.
     shadowing: standard deviation of X.
-    decorrelation: mean time after which X is drawn anew.
+    decorrelation: mean time between changes of X.
     """
 
     exponent: float
@@ -58,16 +58,16 @@ class Distance:
 
     @property
     def mean(self) -> float:
-        """It depends on where the ends are: NaN."""
+        """NaN: the long-run loss depends on the positions of the ends."""
         return math.nan
 
     @property
     def memory(self) -> Memory:
-        """None beside that of the shadowing, which is given."""
+        """No covariance, given the shadowing."""
         return Memory()
 
     def loss_at(self, distance_m: float, shadowing_db: float = 0.0) -> float:
-        """Probability that a frame is lost over a distance, under so much shadowing."""
+        """Probability that a frame is lost at this distance and shadowing."""
         decades = math.log10(max(distance_m / self.reference_distance, 1.0))
         received = self.power - self.reference_loss - 10.0 * self.exponent * decades - shadowing_db
         margin = received - self.sensitivity
@@ -76,7 +76,7 @@ class Distance:
         return 0.5 * (1.0 - math.tanh(0.5 * margin / self.width))
 
     def stage(self, around: Surroundings) -> LossStage:
-        """A stage that looks at the distance for each frame."""
+        """A stage that computes the loss from the distance for each frame."""
         return _DistanceStage(self, around)
 
 

@@ -1,7 +1,7 @@
 """The order of events: one key for everything that happens to an agent.
 
-An event is a tuple (time, rank, source, sequence, copy, node, handler, data): the first five are the key, `node` tells
-the nodes of one heap apart, and `handler` is called with the event when its turn comes.
+An event is a tuple (time, rank, source, sequence, copy, node, handler, data): the first five are the key, `node` is the
+index of the node in a common heap, and `handler` is called with the event.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ FRAME = SENSE = 1
 TIMER = 2
 OFFER = 4
 TRANSMIT = 5
-"""Ranks: at one instant faults come first, then what comes in, then timers; the agent's own link comes last."""
+"""Ranks: at one instant faults come first, then frames and samples, then timers, and the agent's own sending last."""
 
 Event = tuple[int, int, str, int, int, int, Callable[[Any], None], Any]
 TIME: Final = 0
@@ -27,4 +27,4 @@ DATA: Final = 7
 FOREVER_NS = 2**62
 """Later than every run."""
 OVER_NS = 2 * FOREVER_NS
-"""What the dead promise: it holds whatever happens in the run, until they come back."""
+"""Promise of a dead agent: valid until it restarts, even across interventions."""

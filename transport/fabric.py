@@ -1,4 +1,4 @@
-"""The twin's fabric: one heap for all nodes, and no clock but the events themselves."""
+"""The twin's event loop: one heap of events for all nodes, without a clock."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _OLD_NEVER = 1_000_000
 
 
 def run(heap: list[Event], until_ns: int, every_ns: int = 0, go_on: Callable[[int], bool] | None = None) -> int:
-    """Handle every event before `until_ns`, in the order of their keys; the instant that was reached.
+    """Handle all events before `until_ns` in the order of their keys, and return the time reached.
 
-    `go_on` is told the time every `every_ns`, between two events, and ends it there by saying no.
+    Between events, `go_on` is called with the time every `every_ns`; the run ends there if it returns False.
     """
     report_at = every_ns
     with _collecting_young_garbage_only():
@@ -32,7 +32,7 @@ def run(heap: list[Event], until_ns: int, every_ns: int = 0, go_on: Callable[[in
 
 @contextmanager
 def _collecting_young_garbage_only() -> Iterator[None]:
-    """Nodes and their heap live as long as the run: looking through them for garbage again and again is in vain."""
+    """Limit garbage collection to young objects: nodes and their heap live as long as the run."""
     before = gc.get_threshold()
     gc.set_threshold(before[0], before[1], _OLD_NEVER)
     try:

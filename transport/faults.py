@@ -1,4 +1,4 @@
-"""Faults as data: what changes, where, from when to when. Nothing in an agent or a link branches on a fault's name."""
+"""Faults as data: what changes, where and when. No code of an agent or a link depends on a fault's name."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ LinkName = tuple[str, str]
 
 @dataclass(frozen=True)
 class _Span:
-    """A name, and the span [at, until) in which it holds; `until_ns` None: until cleared."""
+    """A name, and the span [at, until) in which a fault is active; `until_ns` None: until cleared."""
 
     id: str
     at_ns: int
     until_ns: int | None
 
     def in_force(self, now_ns: int) -> bool:
-        """Whether an instant lies in the span."""
+        """Whether the fault is active at an instant."""
         return self.at_ns <= now_ns and (self.until_ns is None or now_ns < self.until_ns)
 
 
 @dataclass(frozen=True)
 class LinkFault(_Span):
-    """Settings of some directed links that hold in [at, until); `until_ns` None: until cleared."""
+    """Changed settings of some directed links in [at, until); `until_ns` None: until cleared."""
 
     links: tuple[LinkName, ...]
     changes: Mapping[str, Any]
@@ -35,9 +35,9 @@ class LinkFault(_Span):
 
 @dataclass(frozen=True)
 class Kill(_Span):
-    """An agent handles everything before `at_ns`, then its process ends; a restart at `until_ns`, or none.
+    """An agent handles all events before `at_ns`, then its process is killed; it restarts at `until_ns`, if given.
 
-    `keep_state`: what the agent saves when it dies is given back to its next life, as from a memory that lasts.
+    `keep_state`: the next incarnation starts with the saved state, as from non-volatile memory.
     """
 
     agent: str
@@ -46,14 +46,14 @@ class Kill(_Span):
 
 @dataclass(frozen=True)
 class Pause(_Span):
-    """An agent's processor stands still in [at, until): what comes meanwhile waits, in order."""
+    """An agent's processor is stopped in [at, until); its events wait, in order."""
 
     agent: str
 
 
 @dataclass(frozen=True)
 class Hog(_Span):
-    """Something else takes a share of an agent's processor in [at, until); in realtime pace only."""
+    """Another process takes a share of an agent's processor in [at, until); in realtime pace only."""
 
     agent: str
     share: float = 1.0
@@ -66,14 +66,14 @@ class Hog(_Span):
 
 @dataclass(frozen=True)
 class ClockFault(_Span):
-    """An agent's own clock reads t + offset + (t − at)·drift // 10⁹ in [at, until); drift in parts per 10⁹."""
+    """An agent's local clock reads t + offset + (t − at)·drift // 10⁹ in [at, until); drift in parts per 10⁹."""
 
     agent: str
     offset_ns: int = 0
     drift_ppb: int = 0
 
     def __post_init__(self) -> None:
-        """Check the bound: a clock goes forward."""
+        """Check that the clock does not run backwards."""
         if self.drift_ppb <= -NANOSECONDS:
             raise BadInput(f"drift is {self.drift_ppb} ppb, it must be above −10⁹: a clock does not go back")
 
@@ -83,10 +83,10 @@ SensorTrouble = Literal["failed", "stuck", "bias", "noise", "spikes"]
 
 @dataclass(frozen=True)
 class SensorFault(_Span):
-    """What is wrong with samples taken in [at, until).
+    """A fault of a sensor that affects samples taken in [at, until).
 
-    failed: it sees nothing. stuck: it repeats its last sample before `at`. bias: `size` is added. noise: normal noise
-    of standard deviation `size` is added. spikes: with `probability`, ±`size` is added.
+    failed: no samples. stuck: the last sample before `at` is repeated. bias: `size` is added. noise: normal noise of
+    standard deviation `size` is added. spikes: with `probability`, ±`size` is added.
     `size` has one component, or as many as the sensor.
     """
 
@@ -108,18 +108,18 @@ Fault = LinkFault | Kill | Pause | Hog | ClockFault | SensorFault
 
 
 def in_force(faults: Iterable[Fault], now_ns: int) -> dict[str, Fault]:
-    """The faults that hold at an instant, by id."""
+    """The faults that are active at an instant, by id."""
     return {fault.id: fault for fault in faults if fault.in_force(now_ns)}
 
 
 def kills_of(faults: Iterable[Fault], agent: str) -> list[Kill]:
-    """The kills of one agent, in the order of their times: its n-th restart is incarnation n."""
+    """The kills of one agent in the order of time; its n-th restart is incarnation n."""
     kills = [fault for fault in faults if isinstance(fault, Kill) and fault.agent == agent]
     return sorted(kills, key=lambda kill: kill.at_ns)
 
 
 def effective(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault], now_ns: int) -> LinkSettings:
-    """The settings of a link at an instant: its own, changed by the faults in force, the later start on top."""
+    """The settings of a link at an instant, with the active faults applied in the order of their starts."""
     touching = [fault for fault in faults if link in fault.links and fault.in_force(now_ns)]
     changes: dict[str, Any] = {}
     for fault in sorted(touching, key=lambda fault: (fault.at_ns, fault.id)):

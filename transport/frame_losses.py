@@ -1,4 +1,4 @@
-"""Loss models that count frames: each frame by its sequence number, whenever it is sent."""
+"""Loss models per frame: the loss depends on the frame's sequence number, not on time."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .stages import LossStage, Memory, Steps, Surroundings
 class Bernoulli:
     """Every frame is lost with the same probability p, independently or with correlation ρ to the one before.
 
-    P(lost | the one before) = p + ρ(1 − p) after a loss and p − ρp after none: the two-state Markov chain with mean p
-    and autocorrelation ρᵏ, in its stationary law from the first frame on. Long-run variance p(1−p)(1+ρ)/(1−ρ).
+    P(lost | the one before) = p + ρ(1 − p) after a loss and p − ρp otherwise: the two-state Markov chain with mean p
+    and autocorrelation ρᵏ, stationary from the first frame on. Long-run variance p(1−p)(1+ρ)/(1−ρ).
 
     probability: p.
     correlation: ρ, below 1.
@@ -36,12 +36,12 @@ class Bernoulli:
 
     @property
     def mean(self) -> float:
-        """The probability itself."""
+        """The probability p."""
         return self.probability
 
     @property
     def memory(self) -> Memory:
-        """p(1 − p)ρᵏ."""
+        """Covariance p(1 − p)ρᵏ."""
         return Memory(self.probability * (1.0 - self.probability), self.correlation)
 
     def stage(self, around: Surroundings) -> LossStage:
@@ -87,15 +87,15 @@ class _CorrelatedStage:
 
 @dataclass(frozen=True)
 class GilbertElliott:
-    """Bursts: a two-state Markov chain that takes one step per frame, with a loss probability in each state.
+    """Burst losses: a two-state Markov chain with one step per frame, and a loss probability in each state.
 
     to_bad = P(good → bad), to_good = P(bad → good); stationary P(bad) = to_bad / (to_bad + to_good).
-    Gilbert 1960; Elliott 1963. The first frame finds the chain in its stationary law.
+    Gilbert 1960; Elliott 1963. The chain is stationary from the first frame on.
 
     to_bad: probability that a good frame is followed by a bad one.
     to_good: probability that a bad frame is followed by a good one.
-    loss_bad: of a frame in the bad state.
-    loss_good: of a frame in the good state.
+    loss_bad: loss probability in the bad state.
+    loss_good: loss probability in the good state.
     """
 
     to_bad: Probability
@@ -104,7 +104,7 @@ class GilbertElliott:
     loss_good: Probability = 0.0
 
     def __post_init__(self) -> None:
-        """Check the bounds; a state that is never left makes the other one pointless."""
+        """Check the bounds, and that no state lasts for ever."""
         for name in ("to_bad", "to_good", "loss_bad", "loss_good"):
             check_probability(name, getattr(self, name))
         for name, state, loss in (("to_bad", "good", self.loss_good), ("to_good", "bad", self.loss_bad)):
@@ -115,7 +115,7 @@ class GilbertElliott:
 
     @property
     def stationary_bad(self) -> float:
-        """Long-run fraction of frames that meet the bad state."""
+        """Long-run fraction of frames in the bad state."""
         return self.to_bad / (self.to_bad + self.to_good)
 
     @property
@@ -125,12 +125,12 @@ class GilbertElliott:
 
     @property
     def memory(self) -> Memory:
-        """(loss_bad − loss_good)² P(bad) P(good) · (1 − to_bad − to_good)ᵏ."""
+        """Covariance (loss_bad − loss_good)² P(bad) P(good) · (1 − to_bad − to_good)ᵏ."""
         bad = self.stationary_bad
         return Memory((self.loss_bad - self.loss_good) ** 2 * bad * (1 - bad), 1 - self.to_bad - self.to_good)
 
     def stage(self, around: Surroundings) -> LossStage:
-        """A stage whose chain starts in the stationary law."""
+        """A stage whose chain starts in its stationary distribution."""
         return _GilbertElliottStage(self, around.stream("loss"), around.stream("loss-state"), around.steps())
 
 
@@ -176,7 +176,7 @@ class BitError:
 
     @property
     def mean(self) -> float:
-        """It depends on the length of the frames: NaN."""
+        """NaN: the long-run loss depends on the length of the frames."""
         return math.nan
 
     @property
@@ -185,7 +185,7 @@ class BitError:
         return Memory()
 
     def loss_of(self, bits: int) -> float:
-        """Probability that a frame of so many bits is lost."""
+        """Probability that a frame of this many bits is lost."""
         if self.probability == 1.0:
             return float(bits > 0)
         return -math.expm1(bits * math.log1p(-self.probability))
@@ -215,11 +215,11 @@ class _BitErrorStage:
 
 @dataclass(frozen=True)
 class Frames:
-    """Named frames are lost: sequence numbers of the link from 0, or pairs (first, last).
+    """Loss of given frames: sequence numbers of the link from 0, or ranges (first, last).
 
-    The frames of each life of the sender are numbered anew. On a paired channel the numbers are those of slots.
+    Numbers restart at 0 with each incarnation of the sender. On a paired channel they are numbers of slots.
 
-    lost: numbers, or first and last ones, as in [3, [10, 20]].
+    lost: numbers or ranges, as in [3, [10, 20]].
     """
 
     lost: tuple[int | tuple[int, int], ...]
@@ -239,12 +239,12 @@ class Frames:
 
     @property
     def mean(self) -> float:
-        """The list ends, so in the long run nothing is lost."""
+        """0: the list is finite."""
         return 0.0
 
     @property
     def memory(self) -> Memory:
-        """None: nothing is left to chance."""
+        """No covariance: the losses are not random."""
         return Memory()
 
     def stage(self, _around: Surroundings) -> LossStage:
@@ -259,7 +259,7 @@ class Frames:
 
 @dataclass(slots=True)
 class _FramesStage:
-    """Ascending beginnings, and how far what has begun until there reaches."""
+    """Ascending starts of ranges, and for each the largest end of the ranges up to it."""
 
     firsts: list[int]
     lasts: list[int]

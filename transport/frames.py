@@ -1,9 +1,8 @@
 """The wire format of a frame: version, checksum, MessagePack. No pickle, nothing that can run code.
 
-A frame carries its own story: when it started, how long it was on the air, when it is due and what the sender's link
-did to it. Frames that the link lost travel too, without their payload, so that sequence numbers have no gaps but those
-of the middleware, and half-duplex can be decided where it belongs. What a radio transmits is put once for all that hear
-it, with the story for each of its targets.
+A frame carries its start, its time on the air, its due time, and the verdict of the sender's link. Lost frames are also
+put, without their payload: gaps of sequence numbers then show losses by the middleware only, and the receiver can
+decide half-duplex. A radio's transmission is put once for all receivers, with the verdict for each target.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ _HEAD = struct.Struct("<BI")
 
 
 class DamagedFrame(VoleryError):
-    """Bytes that are no frame of this version, or whose checksum does not fit."""
+    """Bytes that are not a frame of this version, or have a wrong checksum."""
 
 
 class Frame(NamedTuple):
-    """One frame on the link, or a bare promise (`sequence` is then −1 and nothing is delivered).
+    """One frame on a link, or a promise without a frame (`sequence` is then −1 and nothing is delivered).
 
-    `promise_ns`: no later frame of this link starts before that instant; None where nothing is promised.
-    `sent`: frames of this link and incarnation put so far, this one included. `copy` is 1 for a duplicate.
+    `promise_ns`: no later frame of this link starts before this instant; None without a promise.
+    `sent`: number of frames of this link and incarnation put so far, including this one. `copy` is 1 for a duplicate.
     """
 
     incarnation: int
@@ -47,10 +46,10 @@ class Frame(NamedTuple):
 
 
 class AirFrame(NamedTuple):
-    """What a radio transmitted, or a bare promise (`sequence` is then −1): heard by all its neighbours.
+    """A radio's transmission to all its neighbours, or a promise without one (`sequence` is then −1).
 
-    `sequence` counts the radio's transmissions. `copies`: target → its arrivals. `shaded`: the
-    neighbours that hear nothing of it, because their link is cut or not there. `sent` and `promise_ns` as in `Frame`.
+    `sequence` counts the radio's transmissions. `copies`: target → its arrivals. `shaded`: the neighbours that do not
+    hear it, because their link is cut or not present. `sent` and `promise_ns` as in `Frame`.
     """
 
     incarnation: int
@@ -65,13 +64,13 @@ class AirFrame(NamedTuple):
 
     @property
     def due_ns(self) -> int:
-        """When the first of its arrivals is due; its start, where there is none."""
+        """Due time of the first arrival; the start if there is none."""
         return min(
             (due_ns for arrivals in self.copies.values() for _, _, _, due_ns, _ in arrivals), default=self.start_ns
         )
 
     def for_target(self, target: str) -> list[Frame]:
-        """The frames that arrive at one neighbour."""
+        """The frames for one neighbour."""
         return [
             Frame(
                 self.incarnation,
@@ -94,23 +93,23 @@ PROMISE_ONLY = -1
 
 
 def promise(incarnation: int, promise_ns: int, sent: int) -> Frame:
-    """A frame that carries nothing but a promise."""
+    """A promise without a frame."""
     return Frame(incarnation, PROMISE_ONLY, 0, 0, 0, "", b"", sent, promise_ns)
 
 
 def air_promise(incarnation: int, promise_ns: int, sent: int) -> AirFrame:
-    """The promise of a radio, to all that hear it."""
+    """A radio's promise without a transmission, to all its neighbours."""
     return AirFrame(incarnation, PROMISE_ONLY, 0, 0, b"", sent, promise_ns, {}, ())
 
 
 def encode(frame: Message) -> bytes:
-    """Bytes of a frame: version, CRC-32 of the body, the body."""
+    """Encode a frame: version, CRC-32 of the body, body."""
     body: bytes = msgpack.packb(frame)
     return _HEAD.pack(VERSION, zlib.crc32(body)) + body
 
 
 def decode(data: bytes) -> Message:
-    """The frame in these bytes.
+    """Decode a frame.
 
     Raises:
         DamagedFrame: another version, a wrong checksum, or not a frame.

@@ -23,11 +23,11 @@ class Keys:
         return f"{ROOT}/{self.run}/link/{source}/{target}"
 
     def air(self, source: str) -> str:
-        """What an agent's radio transmits, and its promises; `*` for all."""
+        """Transmissions and promises of an agent's radio; `*` for all."""
         return f"{ROOT}/{self.run}/air/{source}"
 
     def inbox(self, target: str) -> str:
-        """Everything that neighbours send to an agent."""
+        """All frames from neighbours to an agent."""
         return self.link("*", target)
 
     def supervisor(self) -> str:
@@ -48,11 +48,11 @@ class Keys:
 
     @staticmethod
     def source_of(key: str) -> str:
-        """Who sent what came on this key of a link or of the air."""
+        """The sender in a key of a link or of the air."""
         return key.split("/", 4)[3]
 
     @staticmethod
     def agent_of(key: str) -> tuple[str, int]:
-        """Agent and incarnation of a control or alive key."""
+        """The agent and incarnation in a control or alive key."""
         _, name, incarnation = key.rsplit("/", 2)
         return name, int(incarnation)

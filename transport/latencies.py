@@ -1,7 +1,7 @@
-"""Latency models by name: how long a frame travels after its last bit has left, one way, in whole nanoseconds.
+"""Latency models by name: one-way travel time of a frame after its last bit was sent, in whole nanoseconds.
 
-Latency is a pipe and no queue: it never limits how many frames are in flight. Every model has a minimum, the lookahead
-on which lockstep pace rests. Random ones are in `latency_laws`.
+Latency does not limit the number of frames in flight. Every model has a minimum, which lockstep pace needs as
+lookahead. Random models are in `latency_laws`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Constant:
-    """Every frame takes the same time.
+    """The same latency for every frame.
 
     value: the latency.
     """
@@ -43,33 +43,33 @@ class Constant:
 
     @property
     def minimum_ns(self) -> int:
-        """The value."""
+        """The constant latency."""
         return self.value
 
     @property
     def mean_ns(self) -> float:
-        """The value."""
+        """The constant latency."""
         return float(self.value)
 
     @property
     def variance_inflation(self) -> float:
-        """1: there is no variance."""
+        """1, as there is no variance."""
         return 1.0
 
     def expected_ns(self, _end_ns: int) -> float:
-        """The value."""
+        """The constant latency."""
         return float(self.value)
 
     def stage(self, _around: Surroundings) -> LatencyStage:
-        """The same for every index."""
+        """A stage with the same latency for every frame."""
         return lambda _index, _end_ns: self.value
 
 
 @dataclass(frozen=True)
 class LatencyTrace:
-    """A latency that is given over time: `latencies[i]` for airtimes that end from `times[i]` on, the last for ever.
+    """A latency as a function of time: `latencies[i]` if the airtime ends at `times[i]` or later, the last for ever.
 
-    With `repeat` the trace starts anew after so long.
+    repeat: period after which the trace is repeated.
     """
 
     times: tuple[Nanoseconds, ...]
@@ -88,21 +88,21 @@ class LatencyTrace:
 
     @property
     def minimum_ns(self) -> int:
-        """The smallest value."""
+        """The smallest latency."""
         return min(self.latencies)
 
     @property
     def mean_ns(self) -> float:
-        """Mean over one repetition, else the last value."""
+        """Mean over one period, or the last value without repetition."""
         return self._steps.mean
 
     @property
     def variance_inflation(self) -> float:
-        """1: nothing is left to chance."""
+        """1, as nothing is random."""
         return 1.0
 
     def expected_ns(self, end_ns: int) -> float:
-        """The value at an instant."""
+        """The latency at an instant."""
         return float(self._steps.at(end_ns))
 
     def stage(self, _around: Surroundings) -> LatencyStage:

@@ -1,12 +1,12 @@
-"""Random latencies: laws that are truncated below at a minimum, drawn by the inverse of their upper tail.
+"""Random latencies: distributions truncated below at a minimum, sampled by the inverse of their upper tail.
 
-Of a law with upper tail S(x) = P(X > x), cut off below m, x = S⁻¹(S(m)·v) with v uniform in (0, 1) has the truncated
-law: one draw per frame. Unless `min` is given, the cut is where a normal law has its mean − 3 sd: Φ(−3) = 0.135 % of
-the law lie below.
+For a distribution with upper tail S(x) = P(X > x), truncated below at m, x = S⁻¹(S(m)·v) with v uniform in (0, 1) has
+the truncated distribution: one draw per frame. The default of `min` is the quantile Φ(−3) = 0.135 %, which for a normal
+distribution is its mean − 3 sd.
 
 `correlation` ρ: v = Φ(−z) with zₖ = ρzₖ₋₁ + √(1 − ρ²)·Φ⁻¹(uₖ), in the order of the frames (a Gaussian copula over an
-AR(1) process, Nelsen 2006, §2.3). The law of each latency stays exact; the correlation of latencies k apart is at most
-ρᵏ, and near it for laws that are nearly normal (Gebelein 1941).
+AR(1) process, Nelsen 2006, §2.3). The distribution of each latency stays exact; the correlation of latencies k apart is
+at most ρᵏ, and near it for distributions that are nearly normal (Gebelein 1941).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def check_latency(name: str, value_ns: int) -> None:
     """Refuse a latency below 0.
 
     Raises:
-        BadInput: it is.
+        BadInput: it is below 0.
     """
     if value_ns < 0:
         raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
@@ -59,26 +59,26 @@ def _upper_tails(draws: Stream, correlation: float, steps: Steps) -> Callable[[i
 
 
 class _Law:
-    """What all laws have in common: one draw per frame, and how the draw of one hangs together with the next."""
+    """Base of all distributions: one draw per frame, and the correlation of successive draws."""
 
     correlation: float
 
     @property
     @abstractmethod
     def minimum_ns(self) -> int:
-        """Where the law is cut off."""
+        """The smallest latency, at which the distribution is truncated."""
 
     @property
     @abstractmethod
     def mean_ns(self) -> float:
-        """Mean of the truncated law."""
+        """Mean of the truncated distribution."""
 
     @abstractmethod
     def _quantile(self) -> Callable[[float], float]:
-        """From v in (0, 1) to the latency [ns] that is exceeded with probability v."""
+        """Function from v in (0, 1) to the latency [ns] that is exceeded with probability v."""
 
     def _check(self, spread_ns: int, mean_ns: int) -> None:
-        """Refuse correlation out of bounds or of nothing, and a minimum above the mean."""
+        """Refuse a correlation out of bounds or of equal latencies, and a minimum above the mean."""
         if not -1.0 < self.correlation < 1.0:
             raise BadInput(f"correlation is {self.correlation:g}, it must lie between −1 and 1: 0 for none")
         if self.correlation and not spread_ns:
@@ -91,11 +91,11 @@ class _Law:
 
     @property
     def variance_inflation(self) -> float:
-        """(1 + |ρ|) / (1 − |ρ|): latencies k apart have a correlation of at most |ρ|ᵏ."""
+        """Bound (1 + |ρ|) / (1 − |ρ|): latencies k apart have a correlation of at most |ρ|ᵏ."""
         return (1.0 + abs(self.correlation)) / (1.0 - abs(self.correlation))
 
     def expected_ns(self, _end_ns: int) -> float:
-        """Mean of the truncated law."""
+        """Mean of the truncated distribution."""
         return self.mean_ns
 
     def stage(self, around: Surroundings) -> LatencyStage:
@@ -107,11 +107,11 @@ class _Law:
 
 @dataclass(frozen=True)
 class Uniform(_Law):
-    """Uniform between two bounds.
+    """Uniform distribution between two bounds.
 
     low: the smallest latency.
     high: the largest latency.
-    correlation: of one frame's latency with the next one's.
+    correlation: correlation of successive latencies.
     """
 
     low: Nanoseconds
@@ -132,7 +132,7 @@ class Uniform(_Law):
 
     @property
     def mean_ns(self) -> float:
-        """The middle."""
+        """The mean of the bounds."""
         return (self.low + self.high) / 2
 
     def _quantile(self) -> Callable[[float], float]:
@@ -142,12 +142,12 @@ class Uniform(_Law):
 
 @dataclass(frozen=True)
 class Normal(_Law):
-    """Normal with a mean and a standard deviation, truncated below at `min`: by default mean − 3 sd, at least 0.
+    """Normal distribution, truncated below at `min`: by default mean − 3 sd, at least 0.
 
-    mean: before it is truncated.
-    sd: standard deviation before it is truncated.
-    min: where it is truncated.
-    correlation: of one frame's latency with the next one's.
+    mean: mean before truncation.
+    sd: standard deviation before truncation.
+    min: smallest latency.
+    correlation: correlation of successive latencies.
     """
 
     mean: Nanoseconds
@@ -163,7 +163,7 @@ class Normal(_Law):
 
     @property
     def minimum_ns(self) -> int:
-        """Where the law is cut off."""
+        """The smallest latency, at which the distribution is truncated."""
         return max(0, self.mean - _TRUNCATION_SD * self.sd) if self.min is None else self.min
 
     @property
@@ -172,7 +172,7 @@ class Normal(_Law):
 
     @property
     def mean_ns(self) -> float:
-        """Of the truncated law: mean + sd·φ(α) / (1 − Φ(α)), α = (min − mean) / sd."""
+        """Mean after truncation: mean + sd·φ(α) / (1 − Φ(α)), α = (min − mean) / sd."""
         return self.mean + self.sd * _STANDARD_NORMAL.pdf(self._alpha) / _STANDARD_NORMAL.cdf(-self._alpha)
 
     def _quantile(self) -> Callable[[float], float]:
@@ -182,12 +182,12 @@ class Normal(_Law):
 
 @dataclass(frozen=True)
 class _Positive(_Law):
-    """A law on positive numbers, with the mean and standard deviation that it has before it is truncated at `min`.
+    """A distribution on positive numbers, given by mean and standard deviation, truncated below at `min`.
 
-    mean: before it is truncated.
-    sd: standard deviation before it is truncated.
-    min: where it is truncated.
-    correlation: of one frame's latency with the next one's.
+    mean: mean before truncation.
+    sd: standard deviation before truncation.
+    min: smallest latency.
+    correlation: correlation of successive latencies.
     """
 
     mean: Nanoseconds
@@ -205,7 +205,7 @@ class _Positive(_Law):
 
 @dataclass(frozen=True)
 class Gamma(_Positive):
-    """Gamma with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
+    """Gamma distribution, truncated below at `min`: by default at its 0.135 % quantile.
 
     Shape k = mean² / sd², scale θ = sd² / mean.
     """
@@ -220,7 +220,7 @@ class Gamma(_Positive):
 
     @cached_property
     def minimum_ns(self) -> int:
-        """Where the law is cut off."""
+        """The smallest latency, at which the distribution is truncated."""
         if self.min is not None:
             return self.min
         from scipy.special import gammaincinv  # heavy, and most agents draw no gamma latency
@@ -229,7 +229,7 @@ class Gamma(_Positive):
 
     @property
     def mean_ns(self) -> float:
-        """Truncated: mean·Q(k + 1, min/θ) / Q(k, min/θ), Q the upper incomplete gamma function, regularised."""
+        """Mean after truncation: mean·Q(k + 1, min/θ) / Q(k, min/θ), Q the regularised upper incomplete gamma."""
         from scipy.special import gammaincc
 
         cut = self.minimum_ns / self._scale_ns
@@ -245,7 +245,7 @@ class Gamma(_Positive):
 
 @dataclass(frozen=True)
 class LogNormal(_Positive):
-    """Log-normal with the mean and standard deviation given, truncated below at `min`: by default at 0.135 % of it.
+    """Log-normal distribution, truncated below at `min`: by default at its 0.135 % quantile.
 
     ln X ~ N(μ, σ²) with σ² = ln(1 + sd²/mean²), μ = ln mean − σ²/2.
     """
@@ -260,7 +260,7 @@ class LogNormal(_Positive):
 
     @cached_property
     def minimum_ns(self) -> int:
-        """Where the law is cut off."""
+        """The smallest latency, at which the distribution is truncated."""
         return int(math.exp(self._mu - _TRUNCATION_SD * self._sigma)) if self.min is None else self.min
 
     @property
@@ -269,7 +269,7 @@ class LogNormal(_Positive):
 
     @property
     def mean_ns(self) -> float:
-        """Of the truncated law: mean·Φ(σ − α) / (1 − Φ(α)), α = (ln min − μ) / σ."""
+        """Mean after truncation: mean·Φ(σ − α) / (1 − Φ(α)), α = (ln min − μ) / σ."""
         cdf = _STANDARD_NORMAL.cdf
         return self.mean * cdf(self._sigma - self._alpha) / cdf(-self._alpha)
 
@@ -280,11 +280,11 @@ class LogNormal(_Positive):
 
 @dataclass(frozen=True)
 class Pareto(_Law):
-    """Pareto: P(X > x) = (min / x)^shape from `min` on, a heavy tail. It has no variance for a shape of 2 or less.
+    """Pareto distribution: P(X > x) = (min / x)^shape for x ≥ min, a heavy tail, without variance for a shape ≤ 2.
 
-    min: the smallest latency.
-    shape: above 1.
-    correlation: of one frame's latency with the next one's.
+    min: smallest latency.
+    shape: exponent of the tail, above 1.
+    correlation: correlation of successive latencies.
     """
 
     min: Nanoseconds
@@ -292,7 +292,7 @@ class Pareto(_Law):
     correlation: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the bounds: below a shape of 1 the law has no mean."""
+        """Check the bounds: with a shape of 1 or less there is no mean."""
         if self.min < 1:
             raise BadInput(f"min is {self.min} ns, a pareto latency starts above 0")
         if not 1.0 < self.shape < math.inf:
@@ -301,12 +301,12 @@ class Pareto(_Law):
 
     @property
     def minimum_ns(self) -> int:
-        """Where the law begins."""
+        """The smallest latency."""
         return self.min
 
     @property
     def mean_ns(self) -> float:
-        """min·shape / (shape − 1)."""
+        """Mean min·shape / (shape − 1)."""
         return self.min * self.shape / (self.shape - 1.0)
 
     def _quantile(self) -> Callable[[float], float]:

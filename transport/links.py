@@ -1,4 +1,4 @@
-"""A directed link as data: everything that a fault may change on it, and what can become of a frame.
+"""A directed link as data: the settings that a fault may change, and the fates of frames.
 
 queue → medium access → airtime → loss → corruption → duplication → latency → delivery. `transmitter` has the first
 three stages, `propagation` the next four; the receiver's part, half-duplex and collision, is in `media`.
@@ -20,7 +20,7 @@ from .probabilities import check_probability
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_TRAVEL_NS = 1
-"""No frame is due at the instant at which it starts: what is handled at one instant causes nothing at that instant."""
+"""Smallest time from start to due: an event never causes another agent's event at the same instant."""
 DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
     "delivered",
     "cut",
@@ -29,26 +29,26 @@ DELIVERED, CUT, HALF_DUPLEX, COLLISION, LOST, CORRUPT = (
     "loss",
     "corrupt",
 )
-"""Fates of a frame on the air, in the order in which they count where causes overlap."""
+"""Fates of a frame on the air; if several causes apply, the first one in this order counts."""
 SHORTEST_SLOT_NS = 100_000
 ACCESS = "access"
-"""Fate of a frame whose radio gave up after attempts to get hold of the medium."""
+"""Fate of a frame whose radio gave up its attempts to access the medium."""
 
 
 @lru_cache(maxsize=1024)
 def duration_ns(bits: int, rate: float) -> int:
-    """How long so many bits take at a rate in bit/s, rounded up."""
+    """Duration of this many bits at a rate in bit/s, rounded up."""
     exact = Fraction(rate) if rate % 1 else int(rate)
     return -(-bits * NANOSECONDS // exact)
 
 
 @dataclass(frozen=True)
 class Queue:
-    """Frames that wait for the transmitter: how many may, and which one gives way when one too many comes.
+    """Queue of frames that wait for the transmitter.
 
-    limit: how many may wait.
-    policy: drop-tail refuses the newcomer, drop-head the oldest; latest lets a newer frame of the same stream take the
-        place of the one that waits, and drops the newcomer only where nothing can be replaced.
+    limit: largest number of waiting frames.
+    policy: which frame is dropped from a full queue. drop-tail: the new one; drop-head: the oldest; latest: a new frame
+        replaces a waiting one of the same stream, and is dropped only if there is none.
     """
 
     limit: Count = 64
@@ -64,8 +64,8 @@ class Queue:
 class Bucket:
     """Token bucket.
 
-    rate: no more than this leaves on average.
-    burst: what may leave at once.
+    rate: largest average rate.
+    burst: largest amount that may be sent at once.
     """
 
     rate: BitsPerSecond
@@ -79,26 +79,26 @@ class Bucket:
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """Everything that a fault may change on one directed link.
+    """Settings of one directed link, all of which a fault may change.
 
-    medium: who may talk when.
-    rate: of the transmitter; without one frames take no time on the air.
-    overhead: what every frame has beside its payload.
-    bits_per_byte: on the air, 10 for a UART with start and stop bit.
-    mtu: the largest payload.
-    queue: frames that wait for the transmitter.
-    bucket: a limit of what may leave on average.
-    loss: models of which any may lose a frame.
-    corruption: models that say which frames the checksum will refuse.
-    duplication: probability that a frame comes twice, the copy with a latency of its own.
-    latency: one way, after the last bit has left.
+    medium: medium, and when its users may transmit.
+    rate: bit rate of the transmitter; without one frames take no time on the air.
+    overhead: bytes of a frame in addition to its payload.
+    bits_per_byte: bits on the air per byte, 10 for a UART with start and stop bit.
+    mtu: largest payload.
+    queue: queue of frames that wait for the transmitter.
+    bucket: token bucket that limits the average rate.
+    loss: loss models, any of which may lose a frame.
+    corruption: models of frames with bit errors, which the receiver's checksum detects.
+    duplication: probability that a frame arrives twice, the copy with a separate latency.
+    latency: one-way latency after the last bit was sent.
     reordering: whether a frame may overtake an earlier one.
-    cut: whether nothing passes.
-    hold: frames that are due meanwhile wait, and come when they are released.
-    present: whether the graph has this link now.
-    paired: length of the slots of time to which the draws of loss, corruption, duplication and latency belong, as with
-        block fading: all frames that start in one slot meet the same, whoever sends how many. Without it each frame has
-        draws of its own, by its sequence number.
+    cut: whether the link is cut and no frame passes.
+    hold: whether due frames are held back until this ends.
+    present: whether the graph has this link at the moment.
+    paired: length of the time slots to which the draws of loss, corruption, duplication and latency belong, as with
+        block fading: all frames that start in one slot have the same draws, whatever was sent before. Without it each
+        frame has separate draws, by its sequence number.
     """
 
     medium: Annotated[Medium, MEDIA] = FullDuplex()  # noqa: RUF009 - frozen
@@ -129,7 +129,7 @@ class LinkSettings:
             raise BadInput(f"paired is {self.paired} ns, a slot of a paired channel lasts at least 100 us")
 
     def draw_index(self, sequence: int, start_ns: int) -> int:
-        """Index of the draws of a frame: its sequence number, with `paired` the slot of time that it starts in."""
+        """Index of a frame's draws: its sequence number, or with `paired` the time slot in which it starts."""
         return sequence if self.paired is None else start_ns // self.paired
 
     def bits(self, payload_bytes: int) -> int:
@@ -141,12 +141,12 @@ class LinkSettings:
         return 0 if self.rate is None else duration_ns(self.bits(payload_bytes), self.rate)
 
     def lookahead_ns(self) -> int:
-        """The least that these settings ask for from start to due: airtime of an empty payload and shortest latency."""
+        """Shortest time from start to due: airtime of an empty payload plus minimum latency."""
         return self.airtime_ns(0) + self.latency.minimum_ns
 
 
 def fate(verdict: str, *, deaf: bool, collided: bool = False) -> str:
-    """What became of a transmitted frame; of causes that overlap the first counts, in their order above."""
+    """Fate of a transmitted frame; if several causes apply, the first one in the order above counts."""
     if verdict == CUT:
         return CUT
     return HALF_DUPLEX if deaf else COLLISION if collided else verdict

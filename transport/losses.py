@@ -1,7 +1,6 @@
-"""Loss models by name: which transmitted frames the channel swallows. Where several are given, any of them may.
+"""Loss models by name. If a link has several, each of them may lose a frame.
 
-Those that count frames are in `frame_losses`, those that run in time in `time_losses`, the one of place in
-`distance_losses`.
+Models per frame are in `frame_losses`, models in time in `time_losses`, the model of distance in `distance_losses`.
 """
 
 from __future__ import annotations
@@ -52,33 +51,33 @@ LOSSES = Kinds(
     scalar="bernoulli",
 )
 Losses = Annotated[tuple[Annotated[Loss, LOSSES], ...], OneOrMany(none="none")]
-"""Models of which any may lose a frame."""
+"""Loss models of a link, any of which may lose a frame."""
 
 
 def loss_stages(models: Sequence[Loss], around: Surroundings, what: str = "") -> list[LossStage]:
-    """The stages of a sum of models on one link, each with streams of its own; `what` keeps corruption apart."""
+    """The stages of several models on one link, each with separate streams; `what` separates those of corruption."""
     names = [f"{what}{number or ''}" for number in range(len(models))]
     return [model.stage(around.within(name) if name else around) for name, model in zip(names, models, strict=True)]
 
 
 def expected_loss(stages: Iterable[LossStage], index: int, start_ns: int, bits: int) -> float:
-    """Probability that a sum of models loses a frame: 1 − Π(1 − pₘ)."""
+    """Probability that any of several models loses a frame: 1 − Π(1 − pₘ)."""
     return 1.0 - prod(1.0 - stage.expected(index, start_ns, bits) for stage in stages)
 
 
 def loss_variance(models: Iterable[Loss], frames: Sequence[tuple[int, int]], expected: Iterable[float]) -> float:
-    """Variance of the number of frames that a sum of models loses, about the sum of their expected losses.
+    """Variance of the number of frames lost by several models, about the sum of the expected losses.
 
-    Σ pᵢ(1 − pᵢ) + 2 Σᵢ﹤ⱼ cov(i, j). A frame survives all models, so cov(i, j) = Π(qₘ² + cₘ(i, j)) − Πqₘ², with qₘ the
-    long-run fraction that survives model m and cₘ its memory. Models without a long-run fraction are left out of the
-    covariances, which can only make them larger.
+    Σ pᵢ(1 − pᵢ) + 2 Σᵢ﹤ⱼ cov(i, j). A frame must survive all models, so cov(i, j) = Π(qₘ² + cₘ(i, j)) − Πqₘ², with qₘ
+    the long-run fraction that survives model m and cₘ its memory. Models without a long-run fraction are left out of
+    the covariances, which can only make them larger.
 
     Args:
-        models: a sum of models.
+        models: the loss models of a link.
         frames: sequence number and start [ns] of each, ascending.
-        expected: their probabilities of being lost, as `expected_loss` gives them.
+        expected: loss probabilities of the frames, from `expected_loss`.
     Returns:
-        The variance; over Σ pᵢ(1 − pᵢ) it is the inflation by bursts.
+        The variance; divided by Σ pᵢ(1 − pᵢ) it is the inflation by bursts.
     """
     terms = [Memory(1.0)]
     for model in models:
@@ -97,7 +96,7 @@ def _product(first: Memory, second: Memory) -> Memory:
 
 
 def _pairs(memory: Memory, frames: Sequence[tuple[int, int]]) -> float:
-    """Sum of the covariances of all pairs, in one pass: what a frame shares with all before it decays on the way."""
+    """Sum of the covariances of all pairs, in one pass: a running sum over all earlier frames that decays."""
     total = shared = 0.0
     for (number, start), (next_number, next_start) in pairwise(frames):
         decay = memory.per_frame ** (next_number - number) * exp(memory.rate * (start - next_start))

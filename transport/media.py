@@ -1,9 +1,9 @@
-"""Media: who may talk when, who hears nothing because it talks itself, and which frames destroy each other.
+"""Media: medium access, half-duplex and collisions.
 
-A half-duplex medium is that of an edge, whose ends have one transceiver each for the other, or that of a node, which
-has one radio for all its links: every neighbour hears all that it transmits, whomever it is for. A transceiver that
-transmits cannot receive: a frame whose airtime overlaps a transmission of its receiver is lost. Frames of two
-neighbours that overlap at a node destroy each other there.
+A half-duplex medium belongs to an edge, whose ends have a transceiver each for this edge, or to a node, which has one
+radio for all its links: every neighbour hears all its transmissions, whatever their target. A transceiver cannot
+receive while it transmits: a frame whose airtime overlaps a transmission of its receiver is lost. Frames of two
+neighbours whose airtimes overlap at a node collide, and both are lost there.
 """
 
 from __future__ import annotations
@@ -21,20 +21,18 @@ from .csma import Csma
 
 @dataclass(frozen=True)
 class Aloha:
-    """Send as soon as the transmitter is free."""
+    """Transmit as soon as the transmitter is free."""
 
     def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
-        """At once."""
+        """Start at once."""
         return ready_ns
 
 
 @dataclass(frozen=True)
 class SlottedAloha:
-    """Send at the beginning of the next slot; slots of one length, a whole number of them since time 0.
+    """Slotted ALOHA (Roberts 1975): transmit at the start of the next slot; slots of equal length start at time 0.
 
-    slot: its length.
-
-    Roberts 1975: slotted ALOHA.
+    slot: length of a slot.
     """
 
     slot: Nanoseconds
@@ -49,7 +47,7 @@ class SlottedAloha:
         return self.slot
 
     def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
-        """The first beginning of a slot from `ready_ns` on.
+        """Start of the first slot from `ready_ns` on.
 
         Raises:
             BadInput: the frame is longer than a slot.
@@ -64,13 +62,13 @@ class SlottedAloha:
 
 @dataclass(frozen=True)
 class Tdma:
-    """Slots: each cycle is divided evenly, and an end sends in its own slot only, if the frame fits before the guard.
+    """Time slots: each cycle is divided evenly; an end transmits only in its slot, if the frame fits before the guard.
 
-    Cycle k starts at floor(k·10⁹ / cycle). An edge has two slots, the first for the end with the lower name; of radios,
-    two that can be heard at one place have different slots: a colouring of the graph at distance 2.
+    Cycle k starts at floor(k·10⁹ / cycle). An edge has two slots, the first for the end with the lower name. Radios at
+    most two hops apart have different slots, by a colouring of the graph at distance 2.
 
-    cycle: how often all slots come round.
-    guard: at the end of each slot, in which no frame may be on the air.
+    cycle: rate of the cycles.
+    guard: time at the end of each slot in which no frame may be on the air.
     """
 
     cycle: Hertz
@@ -84,14 +82,14 @@ class Tdma:
             raise BadInput(f"tdma guard is {self.guard} ns, it must be at least 0")
 
     def usable_ns(self, slots: int) -> int:
-        """Longest airtime that surely fits into a slot."""
+        """Longest airtime that fits into every slot."""
         return int(1e9 / self.cycle) // slots - 1 - self.guard
 
     def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
         """First instant from `ready_ns` on at which a frame of this airtime fits into the own slot.
 
         Raises:
-            BadInput: the frame fits into no slot.
+            BadInput: the frame is longer than a slot.
         """
         if airtime_ns > self.usable_ns(slots):
             raise BadInput(
@@ -110,7 +108,7 @@ class Tdma:
 
 @lru_cache(maxsize=256)
 def _cycle_bounds(cycle_hz: float, cycle: int) -> tuple[int, int]:
-    """Begin and end of a cycle; neighbours in time and place ask for the same ones again and again."""
+    """Start and end of a cycle; cached, as successive frames and neighbours need the same ones."""
     return period_ns(cycle_hz, cycle), period_ns(cycle_hz, cycle + 1)
 
 
@@ -120,22 +118,22 @@ ACCESSES = Kinds("medium access", {"aloha": Aloha, "slotted-aloha": SlottedAloha
 
 @dataclass(frozen=True)
 class FullDuplex:
-    """Both ends may talk and hear at once; each direction is a channel of its own."""
+    """Both ends may transmit and receive at once; each direction is a separate channel."""
 
 
 @dataclass(frozen=True)
 class HalfDuplex:
-    """One transceiver pair per edge, like the infrared side of a flying-array module, or one radio per node.
+    """One pair of transceivers per edge, as in the infrared sides of a flying-array module, or one radio per node.
 
-    per: whether each edge has a medium of its own, or each node a radio.
-    access: when an end may send.
+    per: whether each edge has a medium, or each node a radio.
+    access: medium access, which determines when an end may transmit.
     """
 
     per: Literal["edge", "node"] = "edge"
     access: Annotated[Access, ACCESSES] = Aloha()
 
     def __post_init__(self) -> None:
-        """Carrier sense is for radios."""
+        """Refuse carrier sense on edges."""
         if self.per == "edge" and isinstance(self.access, Csma):
             raise BadInput("csma listens for all that a radio hears: write per: node, or take aloha or tdma on edges")
 
@@ -144,16 +142,16 @@ Medium = FullDuplex | HalfDuplex
 MEDIA = Kinds("medium", {"full-duplex": FullDuplex, "half-duplex": HalfDuplex}, tag="kind")
 EDGE_SLOTS = 2
 AIR = "*"
-"""Name of the outlet that all links of a node's radio share; no agent is called so."""
+"""Name of the outlet that all links of a node's radio share; not a valid name of an agent."""
 
 
 def on_air(medium: Medium) -> bool:
-    """Whether a link goes over the radio of its source."""
+    """Whether a link uses the radio of its source."""
     return isinstance(medium, HalfDuplex) and medium.per == "node"
 
 
 class Transceiver:
-    """When one end of an edge has transmitted; answers whether a frame it was to hear met one of those intervals."""
+    """Transmissions of one end of an edge, to decide whether it could receive a frame."""
 
     __slots__ = ("_begins", "_ends")
 
@@ -162,7 +160,7 @@ class Transceiver:
         self._ends: list[int] = []
 
     def transmit(self, start_ns: int, end_ns: int) -> None:
-        """Note a transmission in [start, end); transmissions of one transceiver come in order and never overlap."""
+        """Record a transmission in [start, end); those of one transceiver are in order and never overlap."""
         self._begins.append(start_ns)
         self._ends.append(end_ns)
 
@@ -172,17 +170,17 @@ class Transceiver:
         return last >= 0 and self._ends[last] > start_ns
 
     def forget(self, before_ns: int) -> None:
-        """Forget what had ended by an instant: no frame that starts then or later meets it."""
+        """Forget transmissions that had ended by an instant; frames that start later do not overlap them."""
         ended = bisect_right(self._ends, before_ns)
         del self._begins[:ended], self._ends[:ended]
 
     def __len__(self) -> int:
-        """How many transmissions it remembers."""
+        """Number of transmissions kept."""
         return len(self._begins)
 
 
 class Ether:
-    """What a node's radio has heard on the air; answers whether a frame met a transmission of somebody else."""
+    """Transmissions that a node's radio can hear, to decide whether a frame collided or the channel is busy."""
 
     __slots__ = ("_heard", "_longest")
 
@@ -191,12 +189,12 @@ class Ether:
         self._longest = 0
 
     def hear(self, start_ns: int, end_ns: int, source: str) -> None:
-        """Note a transmission in [start, end)."""
+        """Record a transmission in [start, end)."""
         insort(self._heard, (start_ns, end_ns, source))
         self._longest = max(self._longest, end_ns - start_ns)
 
     def busy(self, start_ns: int, end_ns: int) -> bool:
-        """Whether anybody was heard in [start, end)."""
+        """Whether any transmission was on the air in [start, end)."""
         return self.collided(start_ns, end_ns, "")
 
     def collided(self, start_ns: int, end_ns: int, source: str) -> bool:
@@ -206,9 +204,9 @@ class Ether:
         return any(end > start_ns and other != source for _, end, other in self._heard[first:last])
 
     def forget(self, before_ns: int) -> None:
-        """Forget what had ended by an instant: no frame that starts then or later meets it."""
+        """Forget transmissions that had ended by an instant; frames that start later do not overlap them."""
         self._heard = [interval for interval in self._heard if interval[1] > before_ns]
 
     def __len__(self) -> int:
-        """How many transmissions it remembers."""
+        """Number of transmissions kept."""
         return len(self._heard)

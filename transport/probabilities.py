@@ -1,4 +1,4 @@
-"""Bounds that models of loss and latency have in common."""
+"""Checks of arguments of loss and latency models."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from ..errors import BadInput
 
 
 def check_probability(name: str, value: float) -> None:
-    """Refuse what is no probability.
+    """Refuse a number that is not a probability.
 
     Raises:
         BadInput: below 0, above 1, or not a number.

@@ -1,9 +1,9 @@
-"""Conservative synchronisation: how far an agent may go without hearing more.
+"""Conservative synchronisation: up to which instant an agent may handle events.
 
 Chandy and Misra 1979; Bryant 1977. Each neighbour promises the earliest instant at which its next transmission can
-start. What starts then is due no sooner than airtime and shortest latency later, so everything before the least of
-these instants may be handled. Every frame and promise carries the number of frames sent, so that a frame which the
-middleware lost is noticed.
+start. The frame is due at least airtime and minimum latency later, so all events before the smallest of these instants
+may be handled. Every frame and promise carries the number of frames sent, so that a frame lost by the middleware is
+noticed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Segment = tuple[int, int, int]
 
 
 class FrameMissing(RunFailed):
-    """The middleware lost a frame: the run cannot be exact any more."""
+    """The middleware lost a frame, so that the run cannot be exact."""
 
 
 def lookahead_segments(base: LinkSettings, link: LinkName, faults: Iterable[LinkFault]) -> tuple[Segment, ...]:
@@ -37,17 +37,17 @@ def lookahead_segments(base: LinkSettings, link: LinkName, faults: Iterable[Link
 
 
 def earliest_due(promise_ns: int, segments: tuple[Segment, ...]) -> int:
-    """When a frame that starts at `promise_ns` or later can be due at the earliest."""
+    """Earliest due time of a frame that starts at `promise_ns` or later."""
     if promise_ns >= FOREVER_NS:
         return FOREVER_NS
     return min(max(promise_ns, start) + ahead for start, end, ahead in segments if end > promise_ns)
 
 
 class NeighbourPromises:
-    """What the neighbours of one agent have promised, and which of them are down.
+    """Promises of the neighbours of one agent, and which of them are down.
 
-    A neighbour that is down until R starts nothing before R, but what is meant for its next incarnation must not be put
-    before that has come: until it is heard, nothing from R on is safe.
+    A neighbour that is down until R starts no transmission before R. Frames for its next incarnation must not be put
+    before that is running: until its first message, nothing from R on is safe.
 
     Args:
         name: the agent.
@@ -120,7 +120,7 @@ class NeighbourPromises:
         return known is not None and known >= incarnation
 
     def relink(self, source: str, segments: tuple[Segment, ...]) -> None:
-        """Give a link another lookahead, which a live fault changes from an instant that nobody has passed."""
+        """Give a link another lookahead, which a live fault changes from an instant that no agent has passed."""
         self._segments[source] = segments
         self._update_bound(source)
 
@@ -148,7 +148,7 @@ class NeighbourPromises:
             self.expect(source, self._returns[source])
 
     def intervene(self, instant_ns: int) -> None:
-        """Note an intervention at an instant that nobody has passed, which ends the validity of promises for ever."""
+        """Note an intervention at an instant that no agent has passed, which ends the validity of promises for ever."""
         self.interventions += 1
         for source, promise_ns in self._promises.items():
             if FOREVER_NS <= promise_ns < OVER_NS:

@@ -1,6 +1,6 @@
-"""What happens to a transmission of one directed link on its way: loss → corruption → duplication → latency.
+"""Propagation of a transmission on one directed link: loss → corruption → duplication → latency.
 
-The sender decides all of it when the transmission starts, and writes the verdict into the frame.
+The sender decides all of these when the transmission starts, and writes the verdict into the frame.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Copy(NamedTuple):
 
 
 class Propagation:
-    """The way to one target: a state machine without a clock. It also counts the link's frames."""
+    """Propagation to one target: a state machine without a clock. It also numbers the link's frames."""
 
     __slots__ = (
         "_around",
@@ -56,11 +56,11 @@ class Propagation:
         self._latencies = self._pipes(settings.latency)
 
     def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
-        """Of the frames, and of their duplicates."""
+        """Latency stages of the frames, and of their duplicates."""
         return model.stage(self._around), model.stage(self._around.within("duplicate"))
 
     def change(self, settings: LinkSettings) -> None:
-        """Take new settings; models that stay keep their state."""
+        """Apply new settings; models that do not change keep their state."""
         before, self.settings = self.settings, settings
         if settings.paired != before.paired:
             self._begin()
@@ -73,12 +73,12 @@ class Propagation:
             self._latencies = self._pipes(settings.latency)
 
     def count(self) -> int:
-        """The sequence number of the next frame."""
+        """Return the sequence number of the next frame, and count it."""
         self.next_sequence += 1
         return self.next_sequence - 1
 
     def send(self, sequence: int, start_ns: int, end_ns: int, bits: int) -> list[Copy]:
-        """The arrivals of a frame with its airtime in [start, end); the settings are read here, once."""
+        """Arrivals of a frame with its airtime in [start, end), with the settings at this moment."""
         settings = self.settings
         index = settings.draw_index(sequence, start_ns)
         lost = corrupt = False

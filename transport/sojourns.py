@@ -1,4 +1,4 @@
-"""Exponential sojourns in nominal time, the clockwork of what changes by itself while nobody sends."""
+"""Exponential sojourn times in nominal time, for channel states that change independently of frames."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHORTEST_MEAN_NS = 100_000
 
 
 def check_mean(name: str, mean_ns: int) -> None:
-    """Refuse a mean sojourn that no frame could tell from independent losses, and that would take long to go through.
+    """Refuse mean sojourns that are practically independent losses, and slow to simulate.
 
     Raises:
         BadInput: below 100 us.
@@ -21,10 +21,10 @@ def check_mean(name: str, mean_ns: int) -> None:
 
 
 class Sojourns:
-    """Sojourns with exponential lengths that follow each other from nominal time 0 on, numbered from 0.
+    """Successive sojourns of exponential lengths from nominal time 0 on, numbered from 0.
 
-    The n-th takes its length from the n-th draw, with the n-th mean, over and over: which one an instant lies in is a
-    function of the instant alone, whatever was asked before. Asking in ascending order is fast.
+    The n-th length follows from the n-th draw and the n-th mean, which are used cyclically. The number at an instant
+    does not depend on earlier queries; queries in ascending order are fast.
     """
 
     __slots__ = ("_draws", "_means", "_number", "_since", "_until")
@@ -43,7 +43,7 @@ class Sojourns:
         return math.ceil(-self._means[number % len(self._means)] * math.log(self._draws.uniform(number)))
 
     def number(self, time_ns: int) -> int:
-        """Number of the sojourn that an instant lies in."""
+        """Number of the sojourn at an instant."""
         if time_ns < self._since:
             self._rewind()
         while time_ns >= self._until:

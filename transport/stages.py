@@ -1,6 +1,6 @@
-"""What models of loss and latency are, and what their stages may know: random streams, and how far apart the ends are.
+"""Interfaces of loss and latency models, and the inputs of their stages: random streams and the distance of the ends.
 
-A model is data; its *stage* is the small state machine of one directed link.
+A model is data; its *stage* is the state machine for one directed link.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..randomness import Stream, stream
 StreamOf = Callable[[str], Stream]
 DistanceOf = Callable[[int], float]
 Steps = Callable[[int], Iterable[int]]
-"""Index of a frame → the draws with which a chain steps on to that frame."""
+"""Index of a frame → indices of the draws for the steps of a chain up to this frame."""
 
 
 def _nowhere(_time_ns: int) -> float:
@@ -27,7 +27,7 @@ def _frame_by_frame(index: int) -> Iterable[int]:
 
 
 class _SlotBySlot:
-    """Steps of a chain that moves in every slot from slot 0 on, whether a frame is sent in it or not."""
+    """Steps of a chain that steps in every slot from slot 0 on, with or without a frame."""
 
     def __init__(self) -> None:
         self._next = 0
@@ -40,12 +40,12 @@ class _SlotBySlot:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """One directed link as its stages see it.
+    """Inputs of the stages of one directed link.
 
-    `stream(purpose)`: a stream of this direction and this life of the source, indexed by the frame's sequence number;
-    with `slots`, of this direction alone and indexed by the slot of time, see `by_slots`.
-    `channel(purpose)`: a stream of this direction that restarts of the source do not change, for what goes on in time.
-    `path(purpose)`: a stream that both directions share, such as shadowing.
+    `stream(purpose)`: stream of this direction and this incarnation of the source, indexed by the frame's sequence
+    number; with `slots`, of this direction only and indexed by the time slot, see `by_slots`.
+    `channel(purpose)`: stream of this direction for all incarnations of the source, for processes in time.
+    `path(purpose)`: stream common to both directions, such as for shadowing.
     `distance_m(time_ns)`: distance of the two ends in metres at a nominal instant.
     """
 
@@ -56,18 +56,18 @@ class Surroundings:
     slots: bool = False
 
     def steps(self) -> Steps:
-        """How a chain steps on: with each frame, or with slots through all that have passed since the last frame."""
+        """Steps of a chain: one per frame, or with slots one per slot since the last frame."""
         return _SlotBySlot() if self.slots else _frame_by_frame
 
     def by_slots(self) -> Surroundings:
-        """The same link with draws that belong to slots of time: a function of the link and the slot and nothing else.
+        """The same link with draws per time slot, which depend only on the link and the slot.
 
-        How many frames were sent before makes no difference, and neither does a restart of the source.
+        They do not depend on earlier frames or on restarts of the source.
         """
         return replace(self, stream=self.channel, slots=True)
 
     def within(self, name: str) -> Surroundings:
-        """The same link with streams of its own, for another stage that uses the same models."""
+        """The same link with separate streams, for another stage with the same models."""
         return Surroundings(
             lambda purpose: self.stream(f"{name}-{purpose}"),
             lambda purpose: self.channel(f"{name}-{purpose}"),
@@ -80,7 +80,7 @@ class Surroundings:
     def of(
         cls, seed: int, source: str, target: str, incarnation: int = 0, distance_m: DistanceOf = _nowhere
     ) -> Surroundings:
-        """Those of the link source → target."""
+        """The inputs of the link source → target."""
         ends = sorted((source, target))
         return cls(
             lambda purpose: stream(seed, purpose, source, target, str(incarnation)),
@@ -91,7 +91,7 @@ class Surroundings:
 
 
 class Memory(NamedTuple):
-    """How losses hang together: covariance c·rᵏ·exp(−λ·Δt) of two that are k frames and Δt between starts apart.
+    """Covariance of two losses that are k frames and Δt between starts apart: c·rᵏ·exp(−λ·Δt).
 
     `covariance` c, `per_frame` r, `rate` λ [1/ns].
     """
@@ -105,18 +105,18 @@ class LossStage(Protocol):
     """The state of one loss model on one directed link."""
 
     def lost(self, index: int, start_ns: int, bits: int) -> bool:
-        """Whether a transmitted frame is lost; called once for each, in order.
+        """Whether a transmitted frame is lost; called once for each frame, in order.
 
         Args:
-            index: its sequence number on the link, or the slot of time that it starts in.
-            start_ns: when its transmission starts.
-            bits: its length on the air, overhead included.
+            index: sequence number on the link, or number of the time slot of the start.
+            start_ns: start of the transmission.
+            bits: length on the air, including overhead.
         """
 
     def expected(self, index: int, start_ns: int, bits: int) -> float:
-        """Probability that this frame is lost; may be asked for any frame at any time.
+        """Probability that this frame is lost; may be called for any frame at any time.
 
-        Where the ends are and what shadows their path is given; the states of chains, and what they bring, are not.
+        Conditional on the positions of the ends and on shadowing, but not on the states of chains.
         """
 
 
@@ -125,14 +125,14 @@ class Loss(Protocol):
 
     @property
     def mean(self) -> float:
-        """Long-run fraction of frames lost; NaN where it depends on their length or on where the ends are."""
+        """Long-run fraction of frames lost; NaN if it depends on their length or on the positions of the ends."""
 
     @property
     def memory(self) -> Memory:
         """Covariance of the losses of two frames, about their expected values."""
 
     def stage(self, around: Surroundings) -> LossStage:
-        """The state machine of one link."""
+        """Create the state machine for one link."""
 
 
 LatencyStage = Callable[[int, int], int]
@@ -144,18 +144,18 @@ class Latency(Protocol):
 
     @property
     def minimum_ns(self) -> int:
-        """No frame travels faster."""
+        """Smallest latency."""
 
     @property
     def mean_ns(self) -> float:
-        """Long-run mean of the travel time."""
+        """Long-run mean of the latency."""
 
     @property
     def variance_inflation(self) -> float:
-        """Upper bound of the long-run variance of the mean over many frames, relative to that of independent ones."""
+        """Upper bound of the long-run variance of the mean, relative to that of independent latencies."""
 
     def expected_ns(self, end_ns: int) -> float:
-        """Mean travel time of frames whose airtime ends at an instant."""
+        """Mean latency of frames whose airtime ends at an instant."""
 
     def stage(self, around: Surroundings) -> LatencyStage:
-        """What gives each frame of one link its latency."""
+        """Create the function that gives the latency of each frame of one link."""

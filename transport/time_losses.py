@@ -1,6 +1,6 @@
-"""Loss models that run in nominal time: what a frame meets is settled by the instant at which its airtime starts.
+"""Loss models in nominal time: the state of the channel depends on the start of a frame's transmission.
 
-How many frames were sent before makes no difference, and neither does a restart of the sender.
+It does not depend on earlier frames or on restarts of the sender.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from .traces import Steps
 
 @dataclass(frozen=True)
 class GilbertElliottTime:
-    """Bursts in time: a two-state Markov chain with exponential sojourns, and a loss probability in each state.
+    """Burst losses in time: a two-state Markov chain with exponential sojourns, and a loss probability in each state.
 
-    P(bad) = mean_bad / (mean_good + mean_bad), the law in which time 0 finds the chain.
+    P(bad) = mean_bad / (mean_good + mean_bad); the chain is stationary at time 0.
 
     mean_good: mean time in the good state.
     mean_bad: mean time in the bad state.
-    loss_bad: of a frame in the bad state.
-    loss_good: of a frame in the good state.
+    loss_bad: loss probability in the bad state.
+    loss_good: loss probability in the good state.
     """
 
     mean_good: Nanoseconds
@@ -51,13 +51,13 @@ class GilbertElliottTime:
 
     @property
     def memory(self) -> Memory:
-        """(loss_bad − loss_good)² P(bad) P(good) · exp(−Δt·(1/mean_good + 1/mean_bad))."""
+        """Covariance (loss_bad − loss_good)² P(bad) P(good) · exp(−Δt·(1/mean_good + 1/mean_bad))."""
         bad = self.stationary_bad
         covariance = (self.loss_bad - self.loss_good) ** 2 * bad * (1 - bad)
         return Memory(covariance, rate=1 / self.mean_good + 1 / self.mean_bad)
 
     def stage(self, around: Surroundings) -> LossStage:
-        """A stage whose chain starts in the stationary law at time 0."""
+        """A stage whose chain is stationary at time 0."""
         return _ChainStage(self, around)
 
 
@@ -81,7 +81,7 @@ class _ChainStage:
 
 @dataclass(frozen=True)
 class Markov:
-    """The link is up and down in turn, for exponential times, and loses everything that starts while it is down.
+    """The link is alternately up and down, for exponential times, and loses all frames that start while it is down.
 
     mean_up: mean time up.
     mean_down: mean time down.
@@ -101,24 +101,24 @@ class Markov:
 
     @property
     def mean(self) -> float:
-        """mean_down / (mean_up + mean_down)."""
+        """Long-run loss mean_down / (mean_up + mean_down)."""
         return self._chain.mean
 
     @property
     def memory(self) -> Memory:
-        """P(up) P(down) · exp(−Δt·(1/mean_up + 1/mean_down))."""
+        """Covariance P(up) P(down) · exp(−Δt·(1/mean_up + 1/mean_down))."""
         return self._chain.memory
 
     def stage(self, around: Surroundings) -> LossStage:
-        """A stage whose chain starts in the stationary law at time 0."""
+        """A stage whose chain is stationary at time 0."""
         return self._chain.stage(around)
 
 
 @dataclass(frozen=True)
 class LossTrace:
-    """A loss probability that is given over time: `losses[i]` from `times[i]` on, the last one for ever.
+    """A loss probability as a function of time: `losses[i]` from `times[i]` on, the last one for ever.
 
-    With `repeat` the trace starts anew after so long.
+    repeat: period after which the trace is repeated.
     """
 
     times: tuple[Nanoseconds, ...]
@@ -137,12 +137,12 @@ class LossTrace:
 
     @property
     def mean(self) -> float:
-        """Mean over one repetition, else the last value."""
+        """Mean over one period, or the last value without repetition."""
         return self._steps.mean
 
     @property
     def memory(self) -> Memory:
-        """None: each frame has a probability of its own, and its draw."""
+        """No covariance: each frame has a separate draw."""
         return Memory()
 
     def stage(self, around: Surroundings) -> LossStage:

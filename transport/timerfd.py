@@ -1,4 +1,4 @@
-"""A one-shot timer on the monotonic clock that wakes an asyncio loop: Linux timerfd, finer than the loop's own."""
+"""A one-shot timer on the monotonic clock that wakes an asyncio loop: Linux timerfd, with a finer resolution."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Itimerspec(ctypes.Structure):
 
 
 class TimerFd:
-    """Calls `wake` once the monotonic clock has reached the instant that was set; a later `set` replaces it."""
+    """Calls `wake` when the monotonic clock reaches the instant that was set; a later `set` replaces it."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, wake: Callable[[], None]) -> None:
         self._loop = loop
@@ -38,7 +38,7 @@ class TimerFd:
         loop.add_reader(self._fd, self._fired)
 
     def set(self, monotonic_ns: int) -> None:
-        """Fire at this instant, at once if it has passed; called on any thread."""
+        """Fire at this instant, or at once if it has passed; may be called on any thread."""
         with self._lock:
             self._value.seconds, self._value.nanoseconds = divmod(max(monotonic_ns, 1), _BILLION)
             _libc.timerfd_settime(self._fd, _ABSOLUTE, self._pointer, None)
@@ -51,7 +51,7 @@ class TimerFd:
         self._wake()
 
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the file descriptor."""
         self._loop.remove_reader(self._fd)
         with self._lock:
             os.close(self._fd)

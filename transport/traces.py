@@ -1,4 +1,4 @@
-"""Values over time that were recorded somewhere: each holds from its instant on."""
+"""Recorded values as piecewise constant functions of time."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ V = TypeVar("V", int, float)
 
 
 def first_disorder(times_ns: tuple[int, ...]) -> int | None:
-    """Index of the first time that is no later than the one before it; None where times ascend."""
+    """Index of the first time that is not later than the one before it; None if times ascend."""
     return next((index for index, (before, after) in enumerate(pairwise(times_ns), 1) if after <= before), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Steps(Generic[V]):
-    """A value that changes at given times; the last one holds for ever, or all starts anew after `repeat_ns`."""
+    """A piecewise constant function of time; the last value is valid for ever, or all repeat after `repeat_ns`."""
 
     times_ns: tuple[int, ...]
     values: tuple[V, ...]
     repeat_ns: int | None = None
 
     def check(self, what: str) -> None:
-        """Refuse what leaves a value open.
+        """Refuse incomplete or unordered values.
 
         Raises:
-            BadInput: no values, not one for each time, not from 0 on, times that go back, a repetition before the end.
+            BadInput: no values, not one per time, a first time that is not 0, times that do not ascend, or a repetition
+                before the last time.
         """
         times = self.times_ns
         if len(times) != len(self.values) or not times:
@@ -45,7 +46,7 @@ class Steps(Generic[V]):
             )
 
     def at(self, time_ns: int) -> V:
-        """The value that holds at an instant, from 0 on."""
+        """The value at an instant from 0 on."""
         if self.repeat_ns is not None:
             time_ns %= self.repeat_ns
         return self.values[bisect_right(self.times_ns, time_ns) - 1]

@@ -13,7 +13,7 @@ from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Transceiver
 from .propagation import Copy, Propagation
 
 Numbered = tuple[tuple[str, int], ...]
-"""(target, sequence number on the link to it), for each that a frame is for."""
+"""(target, sequence number on the link to it) for each target of a frame."""
 
 
 class Waiting(NamedTuple):
@@ -25,7 +25,7 @@ class Waiting(NamedTuple):
 
 
 class Transmission(NamedTuple):
-    """A frame that has started: its interval on the air, and its arrivals."""
+    """A transmitted frame: its interval on the air, and its arrivals."""
 
     payload: bytes
     start_ns: int
@@ -34,15 +34,14 @@ class Transmission(NamedTuple):
 
 
 class Transmitter:
-    """A state machine without a clock.
+    """The transmitter of a link or radio: a state machine without a clock.
 
     Args:
-        ways: where its frames go. They agree in all settings that are read here: medium, rate, overhead, bits per byte,
-            queue and bucket.
-        slot: which of the slots of its medium is its own.
-        slots: how many there are.
+        ways: propagation to each target. All have the same medium, rate, overhead, bits per byte, queue and bucket.
+        slot: number of its slot of the medium.
+        slots: number of slots of the medium.
 
-    `settings`: those of its links, in what they agree.
+    `settings`: the settings that are common to its links.
     """
 
     __slots__ = (
@@ -76,21 +75,21 @@ class Transmitter:
         self._ahead: deque[int] = deque()
 
     def change(self, target: str, settings: LinkSettings) -> None:
-        """The link to one target has new settings from now on."""
+        """Change the settings of the link to one target."""
         self._by_target[target].change(settings)
         self.settings = self.ways[0].settings
         self._head_start = self._next_start = None
 
     def set_clock(self, clock: Clock) -> None:
-        """Slots follow another reading from now on."""
+        """Change the local clock that slots follow."""
         self._clock = clock
         self._head_start = self._next_start = None
 
     def offer(self, now_ns: int, targets: Collection[str], payload: bytes, stream: str = "") -> Numbered:
-        """Put a frame into the queue; what its policy throws out, in order.
+        """Put a frame into the queue, and return the frames that its policy drops, in order.
 
-        A frame that was transmitted ahead of its start takes up room until then: it leaves after the first frame that
-        is offered at that instant has come. The caller has checked the size against the MTU.
+        A frame that was transmitted early stays in the queue until its start, and leaves after the first frame that is
+        offered at that instant. The caller must have checked the size against the MTU.
         """
         self._make_room(now_ns)
         thrown_out = self._put(Waiting(self.count(targets), payload, stream))
@@ -98,7 +97,7 @@ class Transmitter:
         return thrown_out
 
     def _make_room(self, before_ns: int) -> None:
-        """Forget what was transmitted ahead and has started before an instant."""
+        """Forget frames that were transmitted early and have started before an instant."""
         while self._ahead and self._ahead[0] < before_ns:
             self._ahead.popleft()
 
@@ -120,7 +119,7 @@ class Transmitter:
         return newcomer.targets
 
     def count(self, targets: Collection[str]) -> Numbered:
-        """Count a frame, offered or too large to be; its sequence numbers."""
+        """Count a frame, offered or too large, and return its sequence numbers."""
         return tuple((target, self._by_target[target].count()) for target in targets)
 
     def waiting(self) -> list[tuple[str, int]]:
@@ -128,9 +127,9 @@ class Transmitter:
         return [numbered for frame in self._waiting for numbered in frame.targets]
 
     def next_start(self, now_ns: int) -> int | None:
-        """When the frame at the head of the queue may start, as things stand; None with an empty queue.
+        """Earliest start of the frame at the head of the queue, with the present settings; None if the queue is empty.
 
-        A start that was found before and is not over yet is the first still.
+        A start that was found before remains valid until it has passed.
         """
         if not self._waiting:
             return None
@@ -139,16 +138,16 @@ class Transmitter:
         return self._head_start
 
     def earliest_next(self, ready_ns: int) -> int:
-        """The earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace.
+        """Earliest start of a frame that is not offered before `ready_ns`: the promise of lockstep pace.
 
-        It is asked for the same instant again and again, while frames come in.
+        Cached, as it is called repeatedly for the same instant.
         """
         if self._next_start is None or self._next_start[0] != ready_ns:
             self._next_start = ready_ns, self._start(ready_ns, 0)
         return self._next_start[1]
 
     def _ready(self, ready_ns: int, payload_bytes: int) -> int:
-        """When the last frame has left, and the token bucket lets one of this size pass."""
+        """When the last frame has been sent, and the token bucket allows one of this size."""
         settings = self.settings
         ready = max(ready_ns, self._free_at)
         if settings.bucket is not None:
@@ -175,28 +174,28 @@ class Transmitter:
 
     @property
     def settled(self) -> bool:
-        """Whether nothing that is offered later can take the place of a frame that waits."""
+        """Whether no frame offered later can replace a waiting one."""
         return self.settings.queue.policy == "drop-tail"
 
     def give_up(self) -> Numbered:
-        """Throw out the frame at the head of the queue; what it was."""
+        """Drop the frame at the head of the queue, and return its targets and numbers."""
         self._head_start = None
         return self._waiting.popleft().targets
 
     def head_ready(self, now_ns: int) -> int:
-        """When the frame at the head of the queue may contend for its medium, from an instant on."""
+        """First instant from `now_ns` on at which the frame at the head of the queue may contend for its medium."""
         return self._ready(now_ns, len(self._waiting[0].payload))
 
     def transmit_ahead(self, start_ns: int) -> Transmission:
-        """Start the frame at the head of the queue at an instant to come, at which nothing will have changed."""
+        """Transmit the frame at the head of the queue early, for a later start until which nothing changes."""
         self._ahead.append(start_ns)
         return self.transmit(start_ns)
 
     def transmit(self, now_ns: int) -> Transmission:
-        """Start the frame at the head of the queue now; every link parameter is read here, once.
+        """Transmit the frame at the head of the queue now, with the present settings.
 
-        The token bucket is the virtual scheduling form of ITU-T I.371: a full bucket holds `burst`, and the theoretical
-        time of the next frame moves on by a frame's length at the bucket's rate.
+        The token bucket uses the virtual scheduling algorithm of ITU-T I.371: a full bucket holds `burst`, and each
+        frame increases the theoretical arrival time of the next by its length at the bucket's rate.
         """
         targets, payload, _ = self._waiting.popleft()
         self._head_start = self._next_start = None

@@ -1,8 +1,8 @@
-"""Who may do what on the wire: the hub's access control, generated from the graph. Everything else is denied.
+"""Access control of the Zenoh hub, generated from the graph. Everything that is not allowed is denied.
 
-Agent i may put on link/i/j and air/i and hear link/j/i and air/j for its neighbours j, write its telemetry, answer on
-its control key and show that it is alive. The control client, as `volery fault`, may query the supervisor.
-What is refused is silence: nobody is told.
+Agent i may put on link/i/j and air/i and subscribe to link/j/i and air/j for its neighbours j, put its telemetry,
+answer queries on its control key, and declare its liveliness token. The control client, as `volery fault`, may query
+the supervisor. Zenoh drops denied messages without an error.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def _rule(name: str, messages: list[str], flow: str, keys: list[str]) -> Rule:
 
 
 def agent_rules(keys: Keys, agent: str, neighbours: Iterable[str]) -> list[Rule]:
-    """What one agent may do."""
+    """Rules for one agent."""
     out = [*(keys.link(agent, other) for other in neighbours), keys.air(agent)]
     heard = [key for other in neighbours for key in (keys.link(other, agent), keys.air(other))]
     own, control = [keys.telemetry(agent)], [keys.control(agent)]
@@ -37,7 +37,7 @@ def agent_rules(keys: Keys, agent: str, neighbours: Iterable[str]) -> list[Rule]
 
 
 def control_client_rules(keys: Keys) -> list[Rule]:
-    """What the command line may do on a running swarm: ask the supervisor."""
+    """Rules for the control client: queries to the supervisor."""
     control = [keys.supervisor()]
     return [
         _rule("control-client-asks", ["query"], "ingress", control),

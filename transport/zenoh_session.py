@@ -1,4 +1,4 @@
-"""The only door to Zenoh: hub and agent sessions, configured; and what arrives handed to an asyncio loop in batches."""
+"""The only module that imports zenoh: sessions of hub and agents, and an inbox that hands over to an asyncio loop."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ PUT = zenoh.SampleKind.PUT
 
 @dataclass(frozen=True)
 class Credentials:
-    """Who a session says it is."""
+    """User name and password of a session."""
 
     user: str
     password: str
 
 
 def _config(mode: str, **settings: Any) -> zenoh.Config:
-    """A configuration without discovery; `a__b` stands for the setting a/b."""
+    """A configuration without discovery; the argument `a__b` is the setting a/b."""
     config = zenoh.Config()
     config.insert_json5("mode", json.dumps(mode))
     shared = {
@@ -55,15 +55,15 @@ def _config(mode: str, **settings: Any) -> zenoh.Config:
 
 
 def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) -> tuple[zenoh.Session, str]:
-    """A session that routes between the agents, and the endpoint at which it listens.
+    """Open the session that routes between the agents, and return it with the endpoint at which it listens.
 
     Args:
         listen: endpoint, e.g. tcp/127.0.0.1:0 for a free port.
-        access_control: who may do what.
+        access_control: Zenoh's `access_control` section.
         passwords: file of `user:password` lines.
 
     Raises:
-        BadInput: the endpoint is taken or unusable.
+        BadInput: the endpoint is in use or unusable.
     """
     config = _config(
         "router",
@@ -89,10 +89,10 @@ def open_hub(listen: str, access_control: Mapping[str, Any], passwords: Path) ->
 
 
 def open_client(endpoint: str, who: Credentials, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.Session:
-    """A session of an agent or of the control client.
+    """Open the session of an agent or of the control client.
 
     Raises:
-        RunFailed: nobody listens there, or the credentials are refused, until the time is over.
+        RunFailed: no connection within the timeout: nothing listens there, or the credentials are refused.
     """
     config = _config(
         "client",
@@ -108,7 +108,7 @@ def open_client(endpoint: str, who: Credentials, timeout_s: float = _CONNECT_TIM
 
 
 def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """A publisher that coalesces, never blocks the loop, and is not heard by its own session."""
+    """A publisher that batches messages, never blocks the loop, and does not publish to its own session."""
     return session.declare_publisher(
         key,
         express=False,
@@ -118,12 +118,12 @@ def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def asked(query: Query) -> bytes:
-    """What a query carries; empty where it carries nothing."""
+    """Payload of a query, or empty bytes."""
     return b"" if query.payload is None else query.payload.to_bytes()
 
 
 class Inbox:
-    """What Zenoh's threads hand in, taken out by the loop in batches with one wake-up each."""
+    """Queue from Zenoh's threads to the loop, which is woken up once per batch."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, limit: int, drained: Callable[[list[Any]], None]) -> None:
         self._loop = loop
@@ -134,7 +134,7 @@ class Inbox:
         self.overflowed = 0
 
     def push(self, item: Any) -> None:
-        """Called on Zenoh's thread."""
+        """Add an item; called on Zenoh's threads."""
         if len(self._queue) >= self._limit:
             self.overflowed += 1
             return
