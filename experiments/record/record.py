@@ -126,7 +126,16 @@ class Record:
 
     def quantities(self) -> tuple[str, ...]:
         """What agents reported, in alphabetical order."""
-        return tuple(sorted({estimate.quantity for batch in self.of_agents.values() for estimate in batch.estimates}))
+        return tuple(sorted(self._reports))
+
+    @cached_property
+    def _reports(self) -> Mapping[str, Mapping[str, list[Estimate]]]:
+        """Quantity → agent → its reports through all its lives, agents in natural order."""
+        found: dict[str, dict[str, list[Estimate]]] = {}
+        for (agent, _), batch in self.of_agents.items():
+            for estimate in batch.estimates:
+                found.setdefault(estimate.quantity, {}).setdefault(agent, []).append(estimate)
+        return found
 
     @property
     def not_evaluated(self) -> str:
@@ -181,11 +190,8 @@ class Record:
         Raises:
             BadInput: nobody reported it, or an agent's reports of it differ in length.
         """
-        reports: dict[str, list[Estimate]] = {}
-        for (agent, _), batch in self.of_agents.items():
-            if mine := [estimate for estimate in batch.estimates if estimate.quantity == quantity]:
-                reports.setdefault(agent, []).extend(mine)
-        if not reports:
+        reports = self._reports.get(quantity)
+        if reports is None:
             raise BadInput(
                 f"nobody reported {quantity!r}; this run has {', '.join(self.quantities()) or 'no estimates'}"
             )
