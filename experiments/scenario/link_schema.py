@@ -10,11 +10,10 @@ from typing import Annotated, Any, get_type_hints
 
 from pydantic import BaseModel, Field, create_model
 
-from ...errors import BadInput
 from ...transport.links import Bucket, LinkSettings
 from ...transport.media import HalfDuplex
 from .dumping import settings
-from .explaining import known_fields, read
+from .explaining import known_fields
 from .fault_places import Words
 from .field_docs import described
 from .presets import PRESET, PresetName, with_preset
@@ -118,15 +117,3 @@ def _spelled_links(links: Links) -> dict[str, Any]:
 
 LinksText = Annotated[Links, Reader(_read_links, _links_model, _known_of_links, _spelled_links)]
 """The scenario's `links:`, settings of all links and, under `only`, what differs on some."""
-
-
-def link_changes(written: Mapping[str, Any]) -> dict[str, Any]:
-    """Field → new value of some link settings, from what is written, e.g. {"loss": 0.3, "latency": "2 ms"}.
-
-    Raises:
-        BadInput: nothing to change, an unknown field, or a value out of bounds.
-    """
-    if not written:
-        raise BadInput("nothing to set: write for example loss=0.3")
-    changes: dict[str, Any] = read(LinkChanges, dict(written))
-    return changes

@@ -97,12 +97,22 @@ def validated(hint: Any, value: Any) -> Any:
     Raises:
         ValidationError: all that is wrong, each at its place.
     """
-    return _adapter(hint).validate_json(json.dumps(value), strict=True)
+    return _strictly(_adapter(hint), value)
 
 
 @cache
-def _adapter(hint: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(typed(hint))
+def _adapter(hint: Any, owner: Unit | None = None) -> TypeAdapter[Any]:
+    return TypeAdapter(typed(hint, owner))
+
+
+def _strictly(adapter: TypeAdapter[Any], value: Any) -> Any:
+    return adapter.validate_json(json.dumps(value), strict=True)
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise BadInput(f"should be a mapping of fields, not {value!r}")
+    return value
 
 
 def typed(hint: Any, owner: Unit | None = None) -> Any:
@@ -170,7 +180,7 @@ def _by_quantity(whole: Any) -> Reader:
     adapter = TypeAdapter(whole)
 
     def read(value: Any) -> Any:
-        found = adapter.validate_json(json.dumps(value), strict=True)
+        found = _strictly(adapter, value)
         if len(found) < len(value):
             raise BadInput(f"one of {', '.join(value)} stands twice: keep one")
         return found
@@ -288,10 +298,8 @@ def inline_field(cls: Any) -> str | None:
 
 
 def _read_inline(cls: Any, value: Any) -> Any:
-    if not isinstance(value, dict):
-        raise BadInput(f"should be a mapping of fields, not {value!r}")
     inline, hints = str(inline_field(cls)), read_fields(cls)
-    own = {name: item for name, item in value.items() if name in hints and name != inline}
+    own = {name: item for name, item in _mapping(value).items() if name in hints and name != inline}
     others = {name: item for name, item in value.items() if name not in own}
     beside = given(_outer_model(cls).model_validate_json(json.dumps(own), strict=True))
     return cls(**beside, **{inline: validated(hints[inline][0], others)})
@@ -358,7 +366,7 @@ def _single(name: str, hint: Any, unit: Unit | None) -> TypeAdapter[Any]:
 
 def _under(name: str, hint: Any, unit: Unit | None, value: Any) -> Any:
     """A value below its name, so that errors say so."""
-    return _single(name, hint, unit).validate_json(json.dumps({name: value}), strict=True).value
+    return _strictly(_single(name, hint, unit), {name: value}).value
 
 
 def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
@@ -387,7 +395,7 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
     for number, name in enumerate(kinds.names()):
         cls = kinds.find(name)
         hints = read_fields(STAND_INS.get(cls, cls))
-        needed = [hint for hint, field in hints.values() if field.default is field.default_factory is MISSING]
+        needed = [hint for hint, field in hints.values() if _needed(field)]
         first = next(iter(hints.values()), (None, None))[0]
         shape = typed(cls, unit)
         if first is not None and len(needed) <= 1 and cls is not Steps:
@@ -405,7 +413,7 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
 
 def _by_kind(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     name, body = tagged(kinds, value)
-    return _adapter_of(kinds.find(name), unit).validate_json(json.dumps(body), strict=True)
+    return _strictly(_adapter(kinds.find(name), unit), body)
 
 
 def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
@@ -414,9 +422,7 @@ def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
     Raises:
         BadInput: no mapping, no kind, or an unknown one.
     """
-    mapping = {TAG: value} if isinstance(value, str) else value
-    if not isinstance(mapping, dict):
-        raise BadInput(f"should be a mapping of fields, not {value!r}")
+    mapping = _mapping({TAG: value} if isinstance(value, str) else value)
     if TAG not in mapping:
         raise BadInput(f"{TAG} is missing: one of {', '.join(kinds.names())}")
     name = str(mapping[TAG])
@@ -427,11 +433,6 @@ def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
     return name, {key: item for key, item in mapping.items() if key != TAG}
 
 
-@cache
-def _adapter_of(cls: Any, unit: Unit | None) -> TypeAdapter[Any]:
-    return TypeAdapter(typed(cls, unit))
-
-
 def _tags(kinds: Kinds, unit: Unit | None) -> Any:
     """A mapping with `kind` in it; one whose class is the user's may have any fields."""
     shapes: list[Any] = [model_of(kinds.find(name), unit, tag=name) for name in kinds.names()]
@@ -440,10 +441,8 @@ def _tags(kinds: Kinds, unit: Unit | None) -> Any:
 
 
 def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
-    if not isinstance(value, dict):
-        raise BadInput(f"should be a mapping of fields, not {value!r}")
     known = kinds.names()
-    found = [key for key in value if key in known]
+    found = [key for key in _mapping(value) if key in known]
     if not found:
         unknown = next(iter(value), None)
         hint = f"unknown kind {unknown!r}{did_you_mean(unknown, known)}" if unknown else "no kind"

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from volery.agents.plan_codec import decode_value, encode_value
 from volery.errors import BadInput
 from volery.experiments.scenario.expansion import entry_of, parse_fault
+from volery.experiments.scenario.explaining import read
 from volery.experiments.scenario.fault_places import Places, parse_agents, parse_links
-from volery.experiments.scenario.link_schema import link_changes, spelled_changes
+from volery.experiments.scenario.link_schema import LinkChanges, spelled_changes
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
@@ -111,7 +112,7 @@ _changes = st.fixed_dictionaries(
 @given(_changes)
 def test_what_is_written_of_a_link_reads_back_equal(changes: dict[str, Any]) -> None:
     """Through text and back every setting is equal, to the last bit of every model's parameters; as a fault too."""
-    assert link_changes(json.loads(json.dumps(spelled_changes(changes)))) == changes
+    assert read(LinkChanges, json.loads(json.dumps(spelled_changes(changes)))) == changes
     assert decode_value(json.loads(json.dumps(encode_value(changes)))) == changes
 
 
@@ -258,8 +259,9 @@ def test_another_edge_moves_no_draw() -> None:
 
 def test_link_settings_are_read_alone() -> None:
     """What is written in words becomes the transport's values; nothing else is in the result."""
-    assert link_changes({"latency": "2 ms", "rate": "9600 bit/s"}) == {"latency": Constant(2_000_000), "rate": 9600.0}
-    with pytest.raises(BadInput, match="nothing to set"):
-        link_changes({})
+    assert read(LinkChanges, {"latency": "2 ms", "rate": "9600 bit/s"}) == {
+        "latency": Constant(2_000_000),
+        "rate": 9600.0,
+    }
     with pytest.raises(BadInput, match=r"rate: rate is 0 bit/s, it must be above 0; queue.limit: should be a valid"):
-        link_changes({"rate": "0 bit/s", "queue": {"limit": "many"}})
+        read(LinkChanges, {"rate": "0 bit/s", "queue": {"limit": "many"}})

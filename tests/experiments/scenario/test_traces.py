@@ -9,7 +9,8 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
-from volery.experiments.scenario.link_schema import link_changes
+from volery.experiments.scenario.explaining import read
+from volery.experiments.scenario.link_schema import LinkChanges
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.trace_files import read_trace
 from volery.transport.latencies import LatencyTrace
@@ -117,7 +118,7 @@ def test_what_is_no_csv_is_refused(tmp_path: Path) -> None:
 def test_a_trace_is_a_file_or_numbers(written: dict[str, Any], message: str) -> None:
     """Exactly one of them, and nothing half."""
     with pytest.raises(BadInput) as refused:
-        link_changes({"loss": {"trace": written}})
+        read(LinkChanges, {"loss": {"trace": written}})
     assert message in str(refused.value)
 
 
