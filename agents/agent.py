@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
+from ..estimators.information import pack_symmetric
+from ..quantities import covariance_name
 from ..randomness import Stream, stream
 from ..transport.media import AIR
 
@@ -232,10 +234,22 @@ class Context:
         self._check_may_act()
         state.effects.append(Timer(name, index, time_ns))
 
-    def report(self, quantity: str, value: ArrayLike, index: int = 0) -> None:
-        """Journal an estimate; `index` is the sample it belongs to."""
+    def report(self, quantity: str, value: ArrayLike, index: int = 0, *, covariance: ArrayLike | None = None) -> None:
+        """Journal an estimate; `index` is the sample it belongs to, `covariance` (k, k) that of its error.
+
+        The covariance is a quantity of its own, QUANTITY/covariance: its upper triangle by rows.
+
+        Raises:
+            BadInput: the covariance is no square matrix.
+        """
         flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
         self._state.effects.append(Report(quantity, index, flat))
+        if covariance is not None:
+            matrix = np.atleast_2d(np.asarray(covariance, dtype=np.float64))
+            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+                raise BadInput(f"agent {self.name} reported {quantity!r} with a covariance of shape {matrix.shape}")
+            triangle: list[float] = pack_symmetric(matrix).tolist()
+            self._state.effects.append(Report(covariance_name(quantity), index, triangle))
 
     def command(self, commands: Mapping[str, ArrayLike]) -> None:
         """Act upon a coupled world, by name: the commands take effect `compute` and the world's act delay later.

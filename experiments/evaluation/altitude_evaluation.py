@@ -20,8 +20,9 @@ from ...agents.altitude.altitude_network import (
 from ...agents.plan import Plan
 from ...agents.sensor_node import SensorNodeParameters, numbers
 from ...estimators.altitude.replay import Stamped
+from ...quantities import Component, Floats, Quantity
 from ...worlds.altitude.altitude_world import AltitudeWorld
-from .evaluation import Component, Evaluation, Finding, Floats, Quantity, RunData, Series
+from .evaluation import Evaluation, Finding, RunData, Series
 
 JUMPS = "jumps of the ground"
 _CM = 100.0
@@ -32,8 +33,8 @@ class AltitudeEvaluation(Evaluation):
 
     quantities = (
         Quantity(ALTITUDE, (Component("altitude", "m"), Component("ground", "m"), Component("climb rate", "m/s"))),
-        Quantity(COUNTS, tuple(Component(name) for name in (*OUTCOMES, JUMPS)), is_estimate=False),
-        Quantity(DEVIATION, (Component("altitude", "m"), Component("ground", "m")), is_estimate=False),
+        Quantity(COUNTS, tuple(Component(name) for name in (*OUTCOMES, JUMPS)), role="diagnostic"),
+        Quantity(DEVIATION, (Component("altitude", "m"), Component("ground", "m")), role="diagnostic"),
     )
 
     def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:

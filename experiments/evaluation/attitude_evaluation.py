@@ -13,10 +13,11 @@ from ...agents.attitude.attitude_unit_settings import AttitudeParameters
 from ...agents.plan import Plan
 from ...estimators.attitude.directions import least_squares_attitude
 from ...estimators.error_measures import attitude_difference, integrated_square_error
+from ...quantities import Component, Floats, Quantity
 from ...rotations import euler_to_quaternion, rotate, same_sign
 from ...units import period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS
-from .evaluation import Component, Evaluation, Finding, Floats, Quantity, RunData, Series
+from .evaluation import Evaluation, Finding, RunData, Series
 
 QUATERNION = tuple(Component(f"$q_{number}$") for number in range(4))
 _TURN = tuple(Component(f"turn about {axis}", "deg", 180 / math.pi) for axis in "xyz")
@@ -30,7 +31,7 @@ class AttitudeEvaluation(Evaluation):
             Quantity(name, QUATERNION, difference=attitude_difference, difference_components=_TURN)
             for name in (ATTITUDE, ALONE, OWN)
         ),
-        Quantity(MESSAGES, tuple(Component(f"messages {fate}") for fate in FATES), is_estimate=False),
+        Quantity(MESSAGES, tuple(Component(f"messages {fate}") for fate in FATES), role="diagnostic"),
     )
 
     def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:

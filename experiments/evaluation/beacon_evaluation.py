@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .evaluation import Component, Evaluation, Quantity
+from ...quantities import Component, Quantity
+from .evaluation import Evaluation
 
 
 class BeaconEvaluation(Evaluation):

@@ -13,8 +13,9 @@ from ...agents.dfa.dfa_settings import DfaParameters
 from ...agents.plan import Plan
 from ...estimators.flying_array.least_squares import centralised_estimate, noncollinear
 from ...estimators.flying_array.plane import exact_state
+from ...quantities import Component, Floats, Quantity
 from ...units import period_ns
-from .evaluation import Component, Evaluation, Floats, Quantity, Series
+from .evaluation import Evaluation, Series
 
 _DEGREE = 180 / math.pi
 ATTITUDE = (Component("altitude", "m"), Component("roll", "deg", _DEGREE), Component("pitch", "deg", _DEGREE))

@@ -20,9 +20,8 @@ from ...agents.registry import find
 from ...errors import BadInput
 from ...estimators.error_measures import disagreement
 from ...names import imported_class
+from ...quantities import Floats, Quantity, declared
 from ...transport.faults import Fault
-
-Floats = NDArray[np.float64]
 
 
 class Series(NamedTuple):
@@ -34,61 +33,6 @@ class Series(NamedTuple):
     time_ns: NDArray[np.int64]
     sample: NDArray[np.int64]
     value: Floats
-
-
-class Component(NamedTuple):
-    """One component of a quantity: name, unit for people, and factor from the stored value to that unit."""
-
-    name: str
-    unit: str = ""
-    factor: float = 1.0
-
-
-class Difference(Protocol):
-    """By how much estimates (…, k) are off from a reference (…, k): (…, m), whose two-norm is the error."""
-
-    def __call__(self, estimate: Floats, reference: Floats, /) -> Floats:
-        """NaN stays NaN."""
-
-
-def subtracted(estimate: Floats, reference: Floats) -> Floats:
-    """The difference of vectors."""
-    with np.errstate(invalid="ignore"):  # of two that have diverged to infinity there is no difference
-        return np.asarray(estimate - reference)
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """What agents report under one name.
-
-    name: as in `context.report`.
-    components: in their order; () to number them.
-    is_estimate: whether there are errors of it; a diagnostic is for findings and exports only.
-    is_shared: whether all agents estimate one and the same thing, so that they can disagree.
-    difference: of an estimate from a reference, for what is no vector, such as attitudes.
-    difference_components: those of a difference, if they are others.
-    """
-
-    name: str
-    components: Sequence[Component] = ()
-    is_estimate: bool = True
-    is_shared: bool = True
-    difference: Difference = subtracted
-    difference_components: Sequence[Component] | None = None
-
-    def disagreement(self, estimates: Floats) -> Floats:
-        """Root mean square distance of agents to their mean, as seen from the first that has an estimate.
-
-        Args:
-            estimates: (…, N, k), rows of NaN for agents without one.
-        Returns:
-            Shape (…), NaN where each agent has its own.
-        """
-        if not self.is_shared:
-            return np.full(estimates.shape[:-2], np.nan)
-        first = np.argmin(np.isnan(estimates).any(axis=-1), axis=-1)
-        reference = np.take_along_axis(estimates, first[..., np.newaxis, np.newaxis], axis=-2)
-        return disagreement(self.difference(estimates, np.broadcast_to(reference, estimates.shape)))
 
 
 @dataclass(frozen=True)
@@ -149,9 +93,9 @@ class RunData(Protocol):
 class Evaluation:
     """Base of all evaluations: quantities are vectors of numbered components, nothing is known of their truth.
 
-    `quantities` declares what is reported; what is not declared is a plain estimate. `needs_payloads` asks for the
-    payloads of all delivered frames to be recorded, and told to `received`. `world_reports` is what a coupled world
-    wrote down of the truth.
+    `quantities` declares what is reported, as the world may; what nobody declares is a plain estimate. `needs_payloads`
+    asks for the payloads of all delivered frames to be recorded, and told to `received`. `world_reports` is what a
+    coupled world wrote down of the truth.
     """
 
     quantities: Sequence[Quantity] = ()
@@ -162,8 +106,9 @@ class Evaluation:
         self.world_reports = world_reports
 
     def declared(self, name: str) -> Quantity:
-        """The quantity of a name, a plain estimate where it is not declared."""
-        return next((quantity for quantity in self.quantities if quantity.name == name), Quantity(name))
+        """The quantity of a name, as declared here, else by the world; see `declared` in volery.quantities."""
+        of_world = getattr(self.plan.world or self.plan.coupled, "quantities", ())
+        return declared(name, (*self.quantities, *of_world))
 
     # -- the central estimator: one that has everything that all agents have ------------------------------------
 
@@ -220,6 +165,22 @@ class Evaluation:
     def findings(self, run: RunData) -> Sequence[Finding]:
         """What there is to say of a run beyond the errors of each quantity."""
         return ()
+
+
+def distance_to_mean(quantity: Quantity, estimates: Floats) -> Floats:
+    """Disagreement of agents: root mean square distance to their mean, as seen from the first that has an estimate.
+
+    Args:
+        quantity: what they estimate.
+        estimates: (…, N, k), rows of NaN for agents without one.
+    Returns:
+        Shape (…), NaN where each agent has its own.
+    """
+    if not quantity.is_shared:
+        return np.full(estimates.shape[:-2], np.nan)
+    first = np.argmin(np.isnan(estimates).any(axis=-1), axis=-1)
+    reference = np.take_along_axis(estimates, first[..., np.newaxis, np.newaxis], axis=-2)
+    return disagreement(quantity.difference(estimates, np.broadcast_to(reference, estimates.shape)))
 
 
 def evaluation_class(kind: str) -> type[Evaluation]:

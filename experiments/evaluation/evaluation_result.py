@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInput
-from .evaluation import Component, Finding, Floats
+from ...quantities import Component, Floats, Role
+from .evaluation import Finding
 
 Whole = NDArray[np.int64]
-VERSION = 1
+VERSION = 2
 _ABOUT = "about"
 _NO_COVARIANCES = np.zeros((0, 0, 2, 2))
 _NEVER = np.zeros(0, dtype=bool)
@@ -35,7 +36,7 @@ class EvaluatedQuantity:
 
     components: tuple[Component, ...]
     difference_components: tuple[Component, ...]
-    is_estimate: bool
+    role: Role
     time_ns: Whole
     index: Whole
     rows: Mapping[str, Whole]
@@ -89,8 +90,8 @@ class EvaluationResult:
         return self.quantities[name]
 
     def compared(self) -> tuple[str, ...]:
-        """The quantities that are estimates, and no diagnostics."""
-        return tuple(name for name, quantity in self.quantities.items() if quantity.is_estimate)
+        """The quantities that are estimates."""
+        return tuple(name for name, quantity in self.quantities.items() if quantity.role == "estimate")
 
 
 def save_evaluation(result: EvaluationResult, path: Path) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .evaluation import Floats, View
+from ...quantities import Floats
+from .evaluation import View
 
 
 def formation_view(names: Sequence[str], state: Floats, covariance: Floats | None) -> View:

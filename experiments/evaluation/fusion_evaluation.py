@@ -15,11 +15,12 @@ from ...agents.registry import find
 from ...estimators.distributed.gaussian import corrected, measured_information, predict
 from ...estimators.error_measures import nees
 from ...estimators.information import pack_symmetric, unpack_symmetric
+from ...quantities import Component, Floats, Quantity
 from ...units import period_ns
 from ...worlds.plane.plane_world import PlaneWorld
 from ...worlds.target.target_world import TargetWorld
 from .dfa_evaluation import ATTITUDE
-from .evaluation import Component, Evaluation, Finding, Floats, Quantity, RunData, Series, View
+from .evaluation import Evaluation, Finding, RunData, Series, View
 
 SETTLED = 0.25
 """Part of the run at its begin that says more of the start than of the filter."""
@@ -32,7 +33,7 @@ class FusionEvaluation(Evaluation):
     Kalman 1960, linearised where the problem is not linear.
     """
 
-    quantities: Sequence[Quantity] = (Quantity(COVARIANCE, is_estimate=False),)
+    quantities: Sequence[Quantity] = (Quantity(COVARIANCE, role="diagnostic"),)
 
     def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:
         super().__init__(plan, world_reports)

@@ -8,9 +8,10 @@ from itertools import pairwise
 from ...agents.agent import Sample
 from ...agents.mav.vehicle import ATTITUDE, COVARIANCE, FORCE, FORMATION
 from ...agents.plan import Plan
+from ...quantities import Component, Floats, Quantity
 from . import mav_findings
 from .attitude_evaluation import QUATERNION
-from .evaluation import Component, Evaluation, Finding, Floats, Quantity, RunData, Series, View
+from .evaluation import Evaluation, Finding, RunData, Series, View
 from .formation_estimator import CentralisedFormation
 from .formation_view import formation_view
 
@@ -23,9 +24,9 @@ class MavEvaluation(Evaluation):
         self._names = tuple(agent.name for agent in plan.agents)
         self.quantities = (
             Quantity(FORMATION, tuple(_relative(self._names))),
-            Quantity(FORCE, tuple(Component(f"force {axis}", "N") for axis in "xyz"), False, False),
-            Quantity(ATTITUDE, QUATERNION, is_estimate=False, is_shared=False),
-            Quantity(COVARIANCE, is_estimate=False),
+            Quantity(FORCE, tuple(Component(f"force {axis}", "N") for axis in "xyz"), "diagnostic", is_shared=False),
+            Quantity(ATTITUDE, QUATERNION, role="diagnostic", is_shared=False),
+            Quantity(COVARIANCE, role="diagnostic"),
         )
         self._central = CentralisedFormation(plan)
 

@@ -12,9 +12,10 @@ from ...agents.mav.mav_settings import MavParameters
 from ...agents.plan import Plan
 from ...estimators.error_measures import chi_square_bounds, nees
 from ...estimators.formation.assignment import observability
+from ...quantities import Floats
 from ...rotations import angle_between, conjugate, mean_quaternion, quaternion_product
 from ...transport.faults import Kill
-from .evaluation import Finding, Floats, RunData, Series
+from .evaluation import Finding, RunData, Series
 
 SETTLING_NS = 3_000_000_000
 """After a change of the reference the shape is not held against it for so long: the step takes 1.2 s to rise."""

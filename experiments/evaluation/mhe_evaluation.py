@@ -10,10 +10,11 @@ from ...agents.agent import Sample
 from ...agents.mhe.estimator import ALTITUDE, ATTITUDE, COUNT_NAMES, COUNTS, DISTURBANCE, EKF, reported, tracks
 from ...agents.mhe.mhe_settings import MheParameters
 from ...agents.plan import Plan
+from ...quantities import Component, Floats, Quantity
 from ...rotations import quaternion_to_euler
 from ...units import period_ns
 from ...worlds.quadrotor.quadrotor_sensors import QuadrotorWorld
-from .evaluation import Component, Evaluation, Finding, Floats, Quantity, RunData, Series
+from .evaluation import Evaluation, Finding, RunData, Series
 
 _ANGLES = tuple(Component(angle, "mrad", 1000.0) for angle in ("roll", "pitch", "yaw"))
 
@@ -24,8 +25,8 @@ class MheEvaluation(Evaluation):
     quantities = (
         *(Quantity(f"{ATTITUDE} {kind}{suffix}", _ANGLES) for kind in "AB" for suffix in ("", EKF)),
         *(Quantity(f"{ALTITUDE} A{suffix}", (Component("altitude", "m"),)) for suffix in ("", EKF)),
-        *(Quantity(f"{DISTURBANCE} {kind}", is_estimate=False) for kind in "AB"),
-        Quantity(COUNTS, tuple(map(Component, COUNT_NAMES)), is_estimate=False),
+        *(Quantity(f"{DISTURBANCE} {kind}", role="diagnostic") for kind in "AB"),
+        Quantity(COUNTS, tuple(map(Component, COUNT_NAMES)), role="diagnostic"),
     )
 
     def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 
 from ...agents.agent import Received, Sample
 from ...errors import BadInput
-from ..evaluation.evaluation import Component, Evaluation, Floats, Quantity, Series, evaluations, subtracted
+from ...quantities import Component, Floats, Quantity, subtracted
+from ..evaluation.evaluation import Evaluation, Series, distance_to_mean, evaluations
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
 from .places import Reports, followed_places, true_places, view_places
 from .record import Record
@@ -156,7 +157,7 @@ def _judged(
     return EvaluatedQuantity(
         _numbered(quantity.name, quantity.components, width),
         _numbered(quantity.name, quantity.components if own is None else own, apart),
-        quantity.is_estimate,
+        quantity.role,
         time_ns,
         index,
         rows,
@@ -164,7 +165,7 @@ def _judged(
         central,
         of_truth,
         {} if plain else differences(central),
-        quantity.disagreement(np.stack([take(series[agent].value, rows[agent]) for agent in series], axis=1)),
+        distance_to_mean(quantity, np.stack([take(series[agent].value, rows[agent]) for agent in series], axis=1)),
     )
 
 

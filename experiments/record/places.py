@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ...agents.plan import moving
+from ...quantities import Floats
 from ...topologies import natural_key
 from ...units import first_period, period_ns
-from ..evaluation.evaluation import Evaluation, Floats, Series, View
+from ..evaluation.evaluation import Evaluation, Series, View
 from ..evaluation.evaluation_result import Places, Whole
 from .record import Record
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..evaluation.evaluation import Component, Floats, subtracted
+from ...quantities import Component, Floats, subtracted
 from ..evaluation.evaluation_result import Whole
 from .record import Record
 from .side_by_side import take

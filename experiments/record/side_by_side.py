@@ -11,8 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...quantities import Floats
 from ...transport.faults import Fault, Kill
-from ..evaluation.evaluation import Floats, Series
+from ..evaluation.evaluation import Series
 from ..evaluation.evaluation_result import Whole
 
 Aligned = tuple[Whole, Whole, dict[str, Whole]]

@@ -12,7 +12,7 @@ import numpy as np
 from ...agents.journal import Batch, Estimate
 from ...agents.plan import Plan
 from ...transport.faults import LinkName
-from ..evaluation.evaluation import Evaluation, evaluations
+from ..evaluation.evaluation import Evaluation, distance_to_mean, evaluations
 from ..record.frame_fates import FATES, FateClass, FateCounts, is_lost
 from ..record.record import Record
 from ..twin import RecordSink
@@ -53,14 +53,14 @@ class Status:
         return self._fates.so_far(Record(self._plan, {}, self._events), self.time_ns)
 
     def disagreement(self) -> float | None:
-        """That of the newest estimates of the living, of the first quantity that two of them have reported."""
+        """That of the newest estimates of the living, of the first shared quantity that two of them have reported."""
         for quantity, reported in self._newest.items():
             living = [agent for agent in self._plan.agents if agent.name in self.alive and agent.name in reported]
             values = [reported[agent.name].value for agent in living]
             if len(values) > 1 and len({len(value) for value in values}) == 1:
                 declared = self._evaluations[living[0].name].declared(quantity)
-                if declared.is_estimate:
-                    found = float(declared.disagreement(np.array(values)))
+                if declared.role == "estimate" and declared.is_shared:
+                    found = float(distance_to_mean(declared, np.array(values)))
                     return None if math.isnan(found) else found
         return None
 

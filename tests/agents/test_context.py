@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
-from volery.agents.agent import Agent, Context
+from volery.agents.agent import Agent, Context, Report
 from volery.agents.node import Node
 from volery.agents.node_state import NodeState
 from volery.agents.plan import AgentPlan, Plan, PublicPlan
 from volery.agents.receiver import Receiver
 from volery.agents.sender import Sender
+from volery.errors import BadInput
 from volery.experiments.scenario.load import load_scenario
 
 
@@ -107,3 +108,18 @@ def test_what_a_context_tells_cannot_be_changed(name: str) -> None:
     """An agent cannot give itself other neighbours, or another time."""
     with pytest.raises(AttributeError):
         setattr(agent_of("dfa4").context, name, None)
+
+
+def test_a_covariance_is_reported_beside_the_estimate() -> None:
+    """Its upper triangle by rows, under the same index; a variance of one number is a matrix too."""
+    context = agent_of("dfa4").context
+    context.report("pose", [1.0, 2.0], 7, covariance=[[4.0, 1.0], [1.0, 9.0]])
+    context.report("bias", 3.0, covariance=0.25)
+    assert context._state.effects[-4:] == [
+        Report("pose", 7, [1.0, 2.0]),
+        Report("pose/covariance", 7, [4.0, 1.0, 9.0]),
+        Report("bias", 0, [3.0]),
+        Report("bias/covariance", 0, [0.25]),
+    ]
+    with pytest.raises(BadInput, match=r"agent 1 reported 'pose' with a covariance of shape \(1, 2\)"):
+        context.report("pose", [1.0, 2.0], covariance=[1.0, 2.0])

@@ -13,10 +13,11 @@ from volery.agents.agent import Agent, Received, Timer
 from volery.agents.journal import Batch, Heard, Sent
 from volery.agents.payloads import decode, encode
 from volery.agents.plan import AgentPlan, Plan
-from volery.experiments.evaluation.evaluation import Component, Evaluation, Quantity
+from volery.experiments.evaluation.evaluation import Evaluation
 from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import recorded
+from volery.quantities import Component, Quantity
 from volery.transport.faults import Fault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings

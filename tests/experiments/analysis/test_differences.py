@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.analysis.metrics import compute_metrics
-from volery.experiments.evaluation.evaluation import Component, Evaluation, Quantity
+from volery.experiments.evaluation.evaluation import Evaluation
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
+from volery.quantities import Component, Quantity
 from volery.units import period_ns
 
 TURN = 2 * math.pi

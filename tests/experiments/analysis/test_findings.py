@@ -12,15 +12,16 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.cli.metric_tables import metrics_tables
-from volery.experiments.evaluation.evaluation import Evaluation, Finding, Quantity, RunData
+from volery.experiments.evaluation.evaluation import Evaluation, Finding, RunData
 from volery.experiments.record.record import Record
+from volery.quantities import Quantity
 from volery.units import period_ns
 
 
 class CounterEvaluation(Evaluation):
     """Doubts are no estimates."""
 
-    quantities = (Quantity("doubt", is_estimate=False),)
+    quantities = (Quantity("doubt", role="diagnostic"),)
 
     def findings(self, run: RunData) -> Sequence[Finding]:
         """The largest count, and that it was counted."""

@@ -24,6 +24,7 @@ from volery.experiments.record.record import Record, load
 from volery.experiments.record.recorder import Recorder
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin, recorded
+from volery.quantities import Quantity
 from volery.transport.faults import ClockFault, Kill, Pause, SensorFault
 from volery.worlds.moving.motions import MovingWorld, Paths
 
@@ -48,6 +49,12 @@ class Ramp:
     def truth(self, time_ns: int) -> Floats:
         """Seconds."""
         return np.array([time_ns / 1e9])
+
+
+class SurveyedRamp(Ramp):
+    """The same, and each agent has a count of its own."""
+
+    quantities = (Quantity("count", is_shared=False),)
 
 
 class Ledger(Evaluation):
@@ -121,6 +128,16 @@ def test_everything_is_told_in_the_order_of_events(
         ("received", 206 * MS, "1", ("2", b"\x02")),
         ("received", 206 * MS, "2", ("1", b"\x02")),
     ]
+
+
+def test_a_world_may_declare_what_its_agents_estimate(plan_of: PlanOf) -> None:
+    """What the evaluation declares comes first; a quantity that neither names is a plain one."""
+    plan = replace(plan_of([("1", "2")]), world=SurveyedRamp())
+    judge = Evaluation(plan, {})
+    assert judge.declared("count") is SurveyedRamp.quantities[0]
+    assert judge.declared("speed") == Quantity("speed")
+    judge.quantities = (Quantity("count"),)
+    assert judge.declared("count").is_shared
 
 
 def test_payloads_are_recorded_on_request_only(plan_of: PlanOf) -> None:

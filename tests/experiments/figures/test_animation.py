@@ -19,11 +19,12 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import WORLD, AgentPlan
 from volery.errors import BadInput
-from volery.experiments.evaluation.evaluation import Evaluation, Quantity, View
+from volery.experiments.evaluation.evaluation import Evaluation, View
 from volery.experiments.figures.animation import animate, draw_picture, still
 from volery.experiments.figures.plan_view import Carries, PlanView
 from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Record
+from volery.quantities import Quantity
 from volery.transport.faults import Kill, LinkFault
 from volery.worlds.moving.motions import MovingWorld, Paths
 
@@ -35,7 +36,7 @@ Make = Callable[..., Any]
 class Survey(Evaluation):
     """Two places, and the spread of one of them."""
 
-    quantities = (Quantity("spread", is_estimate=False),)
+    quantities = (Quantity("spread", role="diagnostic"),)
     relative = False
 
     def view(self, reports: Mapping[str, Floats]) -> View | None:

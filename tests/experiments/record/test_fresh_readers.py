@@ -12,7 +12,8 @@ import volery
 
 MODULE = """\
 from volery.agents.agent import Agent
-from volery.experiments.evaluation.evaluation import Component, Evaluation, Quantity, View
+from volery.experiments.evaluation.evaluation import Evaluation, View
+from volery.quantities import Component, Quantity
 
 
 class Judge(Evaluation):

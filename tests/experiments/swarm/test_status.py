@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from volery.agents.agent import Agent
 from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import Plan
-from volery.experiments.evaluation.evaluation import Evaluation, Quantity
+from volery.experiments.evaluation.evaluation import Evaluation
 from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector
 from volery.experiments.record.samples import samples
 from volery.experiments.swarm.status import Status, WatchedSink
 from volery.experiments.twin import Twin
+from volery.quantities import Quantity
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latencies import Constant
 from volery.transport.links import LinkSettings, Queue
@@ -66,7 +67,7 @@ def shorter_way(estimate: Floats, reference: Floats) -> Floats:
 class CompassEvaluation(Evaluation):
     """Of headings [rad]."""
 
-    quantities = (Quantity("heading", difference=shorter_way),)
+    quantities = (Quantity("heading", difference=shorter_way), Quantity("bias", is_shared=False))
 
 
 class Compass(Agent):
@@ -76,12 +77,18 @@ class Compass(Agent):
 
 
 def test_disagreement_is_that_of_the_tables(plan_of: Make) -> None:
-    """Root mean square, by the difference of the agents' class, of those who live and know: 359°, 1° and 0°."""
+    """Root mean square, by the difference of the agents' class, of those who live and know: 359°, 1° and 0°.
+
+    What each has of its own says nothing of it.
+    """
     plan = plan_of([("1", "2"), ("2", "3"), ("3", "4")], kind=Compass)
     collector = Collector()
     status = Status(plan)
     status.alive = {"1", "2", "3"}
     sink = WatchedSink(collector, status)
+    for name in "123":
+        sink(Batch(name, 0, [Estimate(0, "bias", 1, [float(name)])]))
+    assert status.disagreement() is None
     for name, degrees in (("1", 359.0), ("2", 1.0), ("3", 0.0), ("4", 90.0)):
         sink(Batch(name, 0, [Estimate(0, "heading", 1, [np.deg2rad(degrees)])]))
     assert status.disagreement() == pytest.approx(np.deg2rad(np.sqrt(2 / 3)))
