@@ -15,7 +15,7 @@ from ..swarm.control_client import call, running
 from .common_options import RUNS, RunsFolder, SwarmName
 from .folders import all_runs, find_run, is_running
 from .output import output, print_plain
-from .run_display import Progress
+from .progress_display import Progress
 
 AnySwarmName = Annotated[str | None, Parameter(help="A folder, its name in --runs, or last; without it, all that run.")]
 _ASK_EVERY_S = 0.5

@@ -19,8 +19,8 @@ from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
 from .detach import detached
 from .metric_tables import metrics_tables
 from .output import output, print_error, print_plain
+from .progress_display import Progress
 from .reading import read_scenario
-from .run_display import Progress
 
 _STRICT = "End with exit code 3 if the machine could not keep up, or a link did otherwise than it was asked to."
 Strict = Annotated[bool, Parameter(help=_STRICT)]

@@ -14,10 +14,10 @@ from ..execution import Engine
 from ..sweeps.significance import RATHER_LARGE, contests, default_by, defined, entries, main_measure
 from ..sweeps.sweep import SweepOptions
 from ..sweeps.sweep_plan import plan_sweep
-from ..sweeps.sweep_progress import run_shown
 from ..sweeps.sweep_results import TABLE_FILE, Sweep, is_sweep, load_sweep
 from .common_options import RUNS, Overrides, RunsFolder, ScenarioSource
 from .output import output, print_note, print_plain
+from .progress_display import run_shown
 from .sweep_tables import contest_table, notes, too_few_seeds
 
 INTERRUPTED = 130

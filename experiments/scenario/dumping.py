@@ -14,14 +14,14 @@ from ...worlds.signals import Steps
 from .annotations import is_union, mark, owned, written_name
 
 
-def spelled(value: Any, hint: Any = Any, owner: Unit | None = None) -> Any:
+def dumped(value: Any, hint: Any = Any, owner: Unit | None = None) -> Any:
     """A value as plain data; `hint`: its annotated type; `owner`: the unit of numbers that have their owner's."""
     hint = owned(hint, owner)
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     unit = mark(hint, Unit)
-    spells = (getattr(each, "spell", None) for each in getattr(hint, "__metadata__", ()))
-    if (spell := next(filter(None, spells), None)) is not None and value is not None:
-        return spell(value)
+    dumps = (getattr(each, "dump", None) for each in getattr(hint, "__metadata__", ()))
+    if (dump := next(filter(None, dumps), None)) is not None and value is not None:
+        return dump(value)
     if (kinds := mark(hint, Kinds)) is not None and value is not None:
         return _of_kind(value, kinds, unit)
     if is_union(base):
@@ -36,23 +36,23 @@ def _structure(value: Any, base: Any, owner: Unit | None) -> Any:
         return settings(value, owner)
     if isinstance(value, Mapping):
         of_values = (get_args(base) or (Any,))[-1]
-        return {str(key): spelled(item, of_values, owner) for key, item in value.items()}
+        return {str(key): dumped(item, of_values, owner) for key, item in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [spelled(item, of, owner) for item, of in zip(value, _item_hints(base, len(value)), strict=True)]
+        return [dumped(item, of, owner) for item, of in zip(value, _item_hints(base, len(value)), strict=True)]
     return value
 
 
 def settings(value: Any, owner: Unit | None = None) -> dict[str, Any]:
     """Settings as a mapping of their fields; what is None and may be left out is left out."""
     if isinstance(value, Steps):
-        levels = [spelled(level, Annotated[float, owner]) for level in value.levels]
+        levels = [dumped(level, Annotated[float, owner]) for level in value.levels]
         return dict(zip([quantity(time, "ns") for time in value.times_ns], levels, strict=True))
     hints = get_type_hints(type(value), include_extras=True)
     plain: dict[str, Any] = {}
     for field in fields(value):
         content = getattr(value, field.name)
         if field.init and (content is not None or field.default is MISSING):
-            shown = spelled(content, hints[field.name], owner)
+            shown = dumped(content, hints[field.name], owner)
             plain |= shown if field.metadata.get("inline") else {written_name(field): shown}
     return plain
 
@@ -68,7 +68,7 @@ def _of_kind(value: Any, kinds: Kinds, owner: Unit | None) -> Any:
 
 
 def _alternative(value: Any, parts: Sequence[Any], owner: Unit | None) -> Any:
-    return next((spelled(value, part, owner) for part in parts if _fits(value, part)), value)
+    return next((dumped(value, part, owner) for part in parts if _fits(value, part)), value)
 
 
 def _fits(value: Any, hint: Any) -> bool:

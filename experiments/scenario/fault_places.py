@@ -112,7 +112,7 @@ class Share:
 
 
 Words = Annotated[
-    tuple[str, ...], Reader(read_words, lambda: alternatives(str, int, Share, list[str | int | Share]), spell=list)
+    tuple[str, ...], Reader(read_words, lambda: alternatives(str, int, Share, list[str | int | Share]), dump=list)
 ]
 """Names of links, agents or sensors."""
 
@@ -139,7 +139,7 @@ def read_groups(value: Any) -> dict[str, tuple[str, ...]]:
 
 Groups = Annotated[
     Mapping[str, tuple[str, ...]],
-    Reader(read_groups, lambda: typed(dict[str, str | int | list[str | int]]), spell=lambda groups: {**groups}),
+    Reader(read_groups, lambda: typed(dict[str, str | int | list[str | int]]), dump=lambda groups: {**groups}),
 ]
 
 

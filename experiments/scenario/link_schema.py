@@ -33,7 +33,7 @@ def _read_changes(value: Any) -> dict[str, Any]:
     return given(validated(_changes_model(), value))
 
 
-def spelled_changes(changes: Mapping[str, Any]) -> dict[str, Any]:
+def dumped_changes(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Some settings of a link as plain data."""
     return {name: value for name, value in settings(LinkSettings(**changes)).items() if name in changes} | {
         name: None for name, value in changes.items() if value is None
@@ -44,7 +44,7 @@ def _known(value: Any, loc: Loc) -> set[str]:
     return known_fields(LinkSettings, value, loc)
 
 
-LinkChanges = Annotated[Mapping[str, Any], Reader(_read_changes, _changes_model, _known, spelled_changes)]
+LinkChanges = Annotated[Mapping[str, Any], Reader(_read_changes, _changes_model, _known, dumped_changes)]
 """Settings of a link as they are written; those that are absent stay as they are."""
 
 
@@ -110,10 +110,10 @@ def _known_of_links(value: Any, loc: Loc) -> set[str]:
     return {*LINK_FIELDS, PRESET, "where" if loc else "only"}
 
 
-def _spelled_links(links: Links) -> dict[str, Any]:
-    only = [{"where": list(each.where), **spelled_changes(each.changes)} for each in links.only]
+def _dumped_links(links: Links) -> dict[str, Any]:
+    only = [{"where": list(each.where), **dumped_changes(each.changes)} for each in links.only]
     return {**settings(links.base), "only": only}
 
 
-LinksText = Annotated[Links, Reader(_read_links, _links_model, _known_of_links, _spelled_links)]
+LinksText = Annotated[Links, Reader(_read_links, _links_model, _known_of_links, _dumped_links)]
 """The scenario's `links:`, settings of all links and, under `only`, what differs on some."""

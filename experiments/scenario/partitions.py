@@ -92,7 +92,7 @@ PartitionWord = Annotated[
         lambda: alternatives(
             _Named, Literal["halves", "random", "majority-ring"], str, list[str | int | list[str | int]]
         ),
-        spell=lambda partition: partition.written(),
+        dump=lambda partition: partition.written(),
     ),
 ]
 

@@ -17,7 +17,7 @@ from ...errors import BadInput
 from ...topologies.over_time import Topology
 from ...units import Bounds, Nanoseconds, quantity
 from ...worlds.world_kinds import AnyWorld
-from .dumping import settings, spelled
+from .dumping import dumped, settings
 from .explaining import known_fields
 from .fault_places import Groups, Words
 from .link_schema import Links, LinksText
@@ -117,9 +117,9 @@ def _known_of_agents(beside: Any, value: Any, loc: Loc) -> set[str]:
     return known if loc else {*own, TAG, *known}
 
 
-def _spelled_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:
-    own = {name: spelled(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
-    return {TAG: agents.kind, **own, **spelled(agents.parameters)}
+def _dumped_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:
+    own = {name: dumped(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
+    return {TAG: agents.kind, **own, **dumped(agents.parameters)}
 
 
 def _agents_reader(made: Any, beside: Any) -> Reader:
@@ -127,7 +127,7 @@ def _agents_reader(made: Any, beside: Any) -> Reader:
         partial(_read_agents, made, beside),
         partial(_agents_text, beside),
         partial(_known_of_agents, beside),
-        partial(_spelled_kind, beside),
+        partial(_dumped_kind, beside),
     )
 
 

@@ -1,4 +1,4 @@
-"""Values read from plain data by annotated types: settings as frozen dataclasses, quantities in units, kinds by name.
+"""Read values from plain data by annotated types: settings as frozen dataclasses, quantities in units, kinds by name.
 
 What an annotation says (`Unit`, `Kinds`, `Bounds`, `OneOrMany`, `Reader`, `Check`) is turned into types of pydantic;
 validation and JSON Schema come from the same types.
@@ -36,7 +36,7 @@ from ...names import did_you_mean
 from ...units import Bounds, OneOrMany, Unit
 from ...worlds.signals import Steps
 from .annotations import is_union, mark, owned, written_name
-from .dumping import spelled
+from .dumping import dumped
 from .field_docs import described, summary
 from .trace_files import STAND_INS
 from .yaml_document import Loc
@@ -48,43 +48,44 @@ _NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
 
 @dataclass(frozen=True)
 class Reader:
-    """Marks a type with the function that reads it, and with pydantic's type of what is written, for JSON Schema.
+    """Marks a type with the function that reads it, and with pydantic's type of its source, for JSON Schema.
 
-    `known`: the names of fields at a place of a value; `spell`: the value as plain data that reads back equal.
+    known: names of the fields at a place of a value.
+    dump: the value as plain data that reads back equal.
     """
 
     read: Callable[[Any], Any]
-    written: Callable[[], Any]
+    source: Callable[[], Any]
     known: Callable[[Any, Loc], set[str]] | None = None
-    spell: Callable[[Any], Any] | None = None
+    dump: Callable[[Any], Any] | None = None
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
         """Read with the function alone."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """That of what is written, made when somebody asks for it."""
+        """The schema of the source type, built on demand."""
         return handler(self._text)
 
     @cached_property
     def _text(self) -> CoreSchema:
-        written = TypeAdapter(self.written()).core_schema
-        return core_schema.no_info_before_validator_function(lambda value: value, written)
+        source = TypeAdapter(self.source()).core_schema
+        return core_schema.no_info_before_validator_function(lambda value: value, source)
 
 
 def alternatives(*hints: Any) -> Any:
-    """Pydantic's type of what may be one of several."""
+    """The union of several annotated types, as pydantic takes it."""
     return any_of([typed(hint) for hint in hints])
 
 
 def any_of(shapes: Sequence[Any]) -> Any:
-    """The union of types."""
+    """The union of types of pydantic."""
     return reduce(or_, shapes)
 
 
 @dataclass(frozen=True)
 class Check:
-    """Marks a type with a function that returns a value, or refuses it."""
+    """Marks a type with a function that returns the value, or raises BadInput."""
 
     check: Callable[[Any], Any]
 
@@ -92,10 +93,10 @@ class Check:
 def validated(hint: Any, value: Any) -> Any:
     """The value of an annotated type, read strictly: no text for a number.
 
-    Lists stand for tuples, mappings for settings.
+    Lists are read as tuples, mappings as settings.
 
     Raises:
-        ValidationError: all that is wrong, each at its place.
+        ValidationError: all errors, each with its place.
     """
     return _strictly(_adapter(hint), value)
 
@@ -116,7 +117,7 @@ def _mapping(value: Any) -> dict[str, Any]:
 
 
 def typed(hint: Any, owner: Unit | None = None) -> Any:
-    """The type of pydantic that reads an annotated type; `owner`: the unit of numbers that have their owner's."""
+    """Pydantic's type for an annotated type; `owner`: the unit of numbers that take that of the enclosing field."""
     hint = owned(hint, owner)
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if (several := mark(hint, OneOrMany)) is not None:
@@ -176,20 +177,20 @@ def _settings(cls: Any, owner: Unit | None) -> Any:
 
 
 def _by_quantity(whole: Any) -> Reader:
-    """A mapping in which no quantity stands twice, in two units."""
+    """A mapping with quantities as keys, of which none may occur twice, in two units."""
     adapter = TypeAdapter(whole)
 
     def read(value: Any) -> Any:
         found = _strictly(adapter, value)
         if len(found) < len(value):
-            raise BadInput(f"one of {', '.join(value)} stands twice: keep one")
+            raise BadInput(f"one of {', '.join(value)} occurs twice: keep one")
         return found
 
     return Reader(read, lambda: whole)
 
 
 def _union(parts: list[Any], optional: bool, owner: Unit | None) -> Any:
-    """The first alternative that reads the value; errors are those of the one that it comes nearest to."""
+    """The first alternative that reads the value; errors are those of the alternative that matches best."""
     shapes = tuple(typed(part, owner) for part in parts)
     whole = shapes[0]
     if len(shapes) > 1:
@@ -208,7 +209,7 @@ def _first(adapters: list[TypeAdapter[Any]], value: Any) -> Any:
 
 
 def _nearness(detail: Mapping[str, Any]) -> tuple[int, bool]:
-    """How far an error's place is inside of the value, and whether its value is of the right type."""
+    """How deep in the value an error is, and whether the value there is of the right type."""
     return len(detail["loc"]), not detail["type"].endswith("_type")
 
 
@@ -227,9 +228,9 @@ def model_of(
 
     Args:
         cls: the dataclass.
-        owner: the unit of numbers that have their owner's.
-        tag: the `kind` that stands beside the fields.
-        beside: a dataclass whose fields stand beside them too.
+        owner: the unit of numbers that take that of the enclosing field.
+        tag: the value of a field `kind` in addition.
+        beside: a dataclass with further fields of the same mapping.
     """
     shown: dict[str, Any] = {TAG: (Literal[tag], ...)} if tag else {}
     shown |= {} if beside is None else model_fields(beside)
@@ -239,7 +240,7 @@ def model_of(
 
 
 def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False) -> dict[str, Any]:
-    """The fields of a dataclass, as `pydantic.create_model` takes them; `optional`: any may be left out."""
+    """The fields of a dataclass, as `pydantic.create_model` takes them; `optional`: none is required."""
     return {
         f"{field.name}_": (
             typed(hint, owner),
@@ -250,7 +251,7 @@ def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False)
 
 
 def partial_model(cls: type[Any]) -> type[BaseModel]:
-    """The fields of a dataclass, of which any may be left out; each is checked by itself."""
+    """The fields of a dataclass, none of them required; each is checked on its own."""
 
     def alone(name: str, value: Any) -> Any:
         cls(**{name: value})
@@ -268,7 +269,7 @@ def _needed(field: Any) -> bool:
 
 
 def read_fields(cls: Any) -> dict[str, tuple[Any, Any]]:
-    """Name as it is written → annotated type and field, of all that a dataclass takes."""
+    """Name in a scenario → annotated type and field, for all fields that a dataclass takes."""
     hints = get_type_hints(cls, include_extras=True)
     return {written_name(field): (hints[field.name], field) for field in fields(cls) if field.init}
 
@@ -278,7 +279,7 @@ def _field(cls: Any, field: Any, name: str, hint: Any, *, needed: bool, owner: U
     if needed:
         return Field(alias=name, title=name, description=description)
     default = field.default if field.default_factory is MISSING else field.default_factory()
-    extra = {} if default is MISSING or default is None else {"default": spelled(default, hint, owner)}
+    extra = {} if default is MISSING or default is None else {"default": dumped(default, hint, owner)}
     return Field(default=None, alias=name, title=name, description=description, json_schema_extra=extra)
 
 
@@ -288,12 +289,12 @@ def _made(cls: Any, model: BaseModel) -> Any:
 
 
 def given(model: BaseModel) -> dict[str, Any]:
-    """Field → value of those that were written."""
+    """Field → value, of the fields that were given."""
     return {name.removesuffix("_"): getattr(model, name) for name in model.model_fields_set if name.endswith("_")}
 
 
 def inline_field(cls: Any) -> str | None:
-    """The field whose own fields stand beside the others of a dataclass."""
+    """The field whose own fields are in the same mapping as the others of the dataclass."""
     return next((field.name for field in fields(cls) if field.metadata.get("inline")), None)
 
 
@@ -331,11 +332,11 @@ def _one_or_many(base: Any, several: OneOrMany) -> Reader:
             return ()
         return validated(base, value if isinstance(value, list) else [value])
 
-    def written() -> Any:
+    def source() -> Any:
         listed = GenericAlias(list, (typed(item),))
         return any_of([typed(item), listed, *([Literal[several.none], None] if several.none is not None else [])])
 
-    return Reader(read, written)
+    return Reader(read, source)
 
 
 def _steps(owner: Unit | None) -> Reader:
@@ -353,9 +354,9 @@ def _steps(owner: Unit | None) -> Reader:
 
 @cache
 def one_of(kinds: Kinds, unit: Unit | None = None) -> Reader:
-    """How one of several kinds is read."""
-    read, written = _NOTATIONS[kinds.tag]
-    return Reader(partial(read, kinds, unit), partial(written, kinds, unit))
+    """The reader of a value that is one of several kinds."""
+    read, source = _NOTATIONS[kinds.tag]
+    return Reader(partial(read, kinds, unit), partial(source, kinds, unit))
 
 
 @cache
@@ -365,7 +366,7 @@ def _single(name: str, hint: Any, unit: Unit | None) -> TypeAdapter[Any]:
 
 
 def _under(name: str, hint: Any, unit: Unit | None, value: Any) -> Any:
-    """A value below its name, so that errors say so."""
+    """Read a value as the field `name`, so that errors have the name in their place."""
     return _strictly(_single(name, hint, unit), {name: value}).value
 
 
@@ -388,7 +389,7 @@ def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
 
 
 def _keys(kinds: Kinds, unit: Unit | None) -> Any:
-    """A name alone, the value of the first field of `scalar`, or a mapping of one name."""
+    """Source of `key` kinds: a name, the value of the first field of `scalar`, or a mapping of one name."""
     given: dict[str, Any] = {}
     alone: list[str] = []
     shapes: list[Any] = []
@@ -434,7 +435,7 @@ def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
 
 
 def _tags(kinds: Kinds, unit: Unit | None) -> Any:
-    """A mapping with `kind` in it; one whose class is the user's may have any fields."""
+    """Source of `kind` kinds: a mapping with a field `kind`, or the name of a kind that needs no other field."""
     shapes: list[Any] = [model_of(kinds.find(name), unit, tag=name) for name in kinds.names()]
     alone = [name for name, shape in zip(kinds.names(), shapes, strict=True) if len(shape.model_fields) == 1]
     return any_of([*shapes, *([Literal[tuple(alone)]] if alone else [])])
@@ -461,7 +462,7 @@ def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
 
 @cache
 def flat_model(cls: Any, name: str) -> type[BaseModel]:
-    """The fields of a kind with its name in the place of the first ones."""
+    """The fields of a kind, the first `plain` ones as the value of the field that has the kind's name."""
     hints = read_fields(cls)
     first = [hint for hint, _ in hints.values()][: cls.plain]
     value = typed(first[0]) if cls.plain == 1 else typed(tuple[tuple(first)])  # type: ignore[misc]
@@ -478,7 +479,7 @@ def _of_flat(cls: Any, model: Any) -> Any:
 
 
 def _names_and_beside(kinds: Kinds, unit: Unit | None, others: Mapping[str, Any] = MappingProxyType({})) -> Any:
-    """A mapping in which one name has the first fields as its value, or all of them below it."""
+    """Source of `beside` kinds: the kind's name with the first fields as its value, or with all fields in a mapping."""
     shapes: list[Any] = []
     for name in kinds.names():
         cls = kinds.find(name)

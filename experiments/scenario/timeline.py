@@ -33,7 +33,7 @@ def _read_size(value: Any) -> tuple[float, ...]:
     return tuple(float(number) for number in numbers)
 
 
-Size = Annotated[tuple[float, ...], Reader(_read_size, lambda: alternatives(float, list[float]), spell=list)]
+Size = Annotated[tuple[float, ...], Reader(_read_size, lambda: alternatives(float, list[float]), dump=list)]
 
 
 @dataclass(frozen=True)

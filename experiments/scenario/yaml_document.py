@@ -146,12 +146,12 @@ def plain(value: Any) -> Any:
     """A YAML value as dict with text keys, list, text, number, truth value or None.
 
     Raises:
-        BadInput: a tag, or a key that stands twice, as number and as text.
+        BadInput: a tag, or a key that occurs twice, as number and as text.
     """
     if isinstance(value, dict):
         result = {str(key): plain(item) for key, item in value.items()}
         if len(result) < len(value):
-            raise BadInput(f"one of the keys {', '.join(result)} stands twice, as number and as text")
+            raise BadInput(f"one of the keys {', '.join(result)} occurs twice, as number and as text")
         return result
     if isinstance(value, list):
         return [plain(item) for item in value]

@@ -133,7 +133,7 @@ def read_axis(name: str, written: str | Sequence[Any] | Mapping[str, Sequence[st
     labels = [point.label for point in points]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:
-        raise BadInput(f"--over {name}: the value {twice} stands twice")
+        raise BadInput(f"--over {name}: the value {twice} occurs twice")
     return Axis(name, tuple(points))
 
 
@@ -205,7 +205,7 @@ def _steps(low: Decimal, high: Decimal, step: Decimal, unit: str) -> list[str]:
         raise BadInput(f"the range is empty: steps of {step} lead away from {high}")
     if count > _MOST_VALUES:
         raise BadInput(f"{count} values are too many")
-    return [_spell(low + number * step, unit) for number in range(count + 1)]
+    return [_with_unit(low + number * step, unit) for number in range(count + 1)]
 
 
 def _space(name: str, parts: Sequence[str]) -> list[str] | Between:
@@ -226,10 +226,10 @@ def _space(name: str, parts: Sequence[str]) -> list[str] | Between:
 
 
 def _written(value: float, unit: str) -> str:
-    return _spell(Decimal(f"{value:.{_DIGITS}g}"), unit)
+    return _with_unit(Decimal(f"{value:.{_DIGITS}g}"), unit)
 
 
-def _spell(value: Decimal, unit: str) -> str:
+def _with_unit(value: Decimal, unit: str) -> str:
     number = format(value.normalize(), "f") if value else "0"
     return f"{number} {unit}" if unit else number
 

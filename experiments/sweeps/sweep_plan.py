@@ -194,7 +194,7 @@ def _axes(over: Sequence[str] | Over) -> list[Axis]:
         axes = [axis_of(word) for word in over]
     names = [axis.name for axis in axes]
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise BadInput(f"--over {twice} stands twice: write all its values in one list")
+        raise BadInput(f"--over {twice} occurs twice: write all its values in one list")
     return axes
 
 

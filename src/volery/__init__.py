@@ -113,9 +113,9 @@ def sweep(  # noqa: PLR0913 - all but two by name
     """
     from rich.console import Console
 
+    from .experiments.cli.progress_display import run_shown
     from .experiments.sweeps.sweep import SweepOptions, run_sweep
     from .experiments.sweeps.sweep_plan import plan_sweep
-    from .experiments.sweeps.sweep_progress import run_shown
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
     plan = plan_sweep(scenario, overrides, over, random, options.engine)

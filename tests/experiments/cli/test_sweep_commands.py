@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from volery.experiments.cli.progress_display import SweepProgress, duration
 from volery.experiments.sweeps.pools import Done
 from volery.experiments.sweeps.sweep import Advance, SweepOptions
 from volery.experiments.sweeps.sweep_plan import Job
-from volery.experiments.sweeps.sweep_progress import SweepProgress, duration
 from volery.experiments.sweeps.sweep_runs import run_job
 
 from .conftest import Volery

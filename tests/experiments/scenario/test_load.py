@@ -177,7 +177,7 @@ def test_a_loop_without_any_delay_is_refused(refusal: Refusal) -> None:
         ("seed: 7\n\tname: x\n", "s.yaml:2:1: not YAML"),
         ("seed: 7\nseed: 8\n", "s.yaml:2:1: not YAML: found duplicate key"),
         ("name: !!python/name:os.system x\n", "has no place here"),
-        ("1: a\n'1': b\n", "stands twice"),
+        ("1: a\n'1': b\n", "occurs twice"),
         ("name: \x00\n", "s.yaml: not YAML"),
     ],
 )

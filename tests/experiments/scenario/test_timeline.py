@@ -15,7 +15,7 @@ from volery.errors import BadInput
 from volery.experiments.scenario.expansion import entry_of, parse_fault
 from volery.experiments.scenario.explaining import read
 from volery.experiments.scenario.fault_places import Places, parse_agents, parse_links
-from volery.experiments.scenario.link_schema import LinkChanges, spelled_changes
+from volery.experiments.scenario.link_schema import LinkChanges, dumped_changes
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause
 from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
@@ -112,7 +112,7 @@ _changes = st.fixed_dictionaries(
 @given(_changes)
 def test_what_is_written_of_a_link_reads_back_equal(changes: dict[str, Any]) -> None:
     """Through text and back every setting is equal, to the last bit of every model's parameters; as a fault too."""
-    assert read(LinkChanges, json.loads(json.dumps(spelled_changes(changes)))) == changes
+    assert read(LinkChanges, json.loads(json.dumps(dumped_changes(changes)))) == changes
     assert decode_value(json.loads(json.dumps(encode_value(changes)))) == changes
 
 

@@ -56,7 +56,7 @@ def test_ranges(written: str, values: list[str]) -> None:
         ("key=log(0, 1, 3)", "starts above 0"),
         ("key=log(1, 2, 1)", "at least 2"),
         ("key=lin(1, 2, 3, 4)", "write lin(from, to, count)"),
-        ("key=1,2,1", "the value 1 stands twice"),
+        ("key=1,2,1", "the value 1 occurs twice"),
         ("key=0:1,5", "no step"),
         ("seed=1,2", "use --repeat"),
     ],

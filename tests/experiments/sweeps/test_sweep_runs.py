@@ -245,7 +245,7 @@ def test_options_out_of_bounds() -> None:
         SweepOptions(1, workers=1, scheduler="tcp://localhost:1")
     with pytest.raises(BadInput, match="--keep is for runs on this machine"):
         SweepOptions(1, scheduler="tcp://localhost:1", keep=True)
-    with pytest.raises(BadInput, match="stands twice"):
+    with pytest.raises(BadInput, match="occurs twice"):
         planned("agents.rounds=1", "agents.rounds=2")
 
 

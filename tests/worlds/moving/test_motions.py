@@ -158,7 +158,7 @@ WAY = {"area": [10, 10], "speed": "1 m/s", "count": 2}
         ({"circle": {"period": "1 s", "count": 2}}, "world.circle.radius: is missing"),
         ({"paths": {}}, "world.paths: nobody moves"),
         ({"paths": {"1": {"1 s": [0, 0]}}}, r"world.paths: the path of agent 1 has the times \[1000000000\] ns"),
-        ({"paths": {"1": {"0 s": [0, 0], "0 ms": [1, 0]}}}, "world.paths.1: one of 0 s, 0 ms stands twice: keep one"),
+        ({"paths": {"1": {"0 s": [0, 0], "0 ms": [1, 0]}}}, "world.paths.1: one of 0 s, 0 ms occurs twice: keep one"),
         ({"paths": {"1": {"0 s": [0, 0]}, "2": {"0 s": [0, 0, 0]}}}, "places have 2 and 3 coordinates"),
         ({"paths": {"1": {"0 s": 7}}}, "world.paths.1.0 s: should be a list, not 7"),
         ({"random-waypoint": WAY, "position": {"rate": 0}}, "world: position.rate is 0 Hz"),

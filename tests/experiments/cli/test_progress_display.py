@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from rich.console import Console
 
-from volery.experiments.cli.run_display import Progress
+from volery.experiments.cli.progress_display import Progress
 
 STEP_S = 0.5
 FRAMES = 100
