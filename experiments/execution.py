@@ -22,6 +22,7 @@ from ..agents.loaded_sources import loaded_sources
 from ..agents.plan import Plan
 from ..agents.process import Pace
 from ..errors import BadInput, RunFailed
+from ..names import LONGEST_RUN, check_length
 from ..transport.faults import Kill, in_force
 from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
@@ -60,6 +61,8 @@ class Options:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
+        if self.name is not None:
+            check_length(Path(self.name).name, LONGEST_RUN, "the run's name")
         if not self.speed > 0:
             raise BadInput(f"speed is {self.speed:g}, it must be above 0")
         if self.speed != 1 and (self.engine, self.pace) != ("zenoh", "realtime"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from volery.errors import BadInput
-from volery.units import Hertz, Metres, check_fields_above_zero
+from volery.units import Hertz, Metres, check_fields_above_zero, parse
 
 
 @dataclass(frozen=True)
@@ -37,3 +37,9 @@ def test_what_is_not_above_zero_and_finite_is_refused_in_the_unit_of_its_field(
         check_fields_above_zero(parameters, "rate", "length", "gain")
     check_fields_above_zero(parameters, *({"rate", "length", "gain"} - {said.split(maxsplit=1)[0]}))
     check_fields_above_zero(Parameters(length=None), "rate", "length", "gain")
+
+
+def test_micro_is_read_in_both_forms() -> None:
+    """The micro sign U+00B5 and the Greek letter U+03BC, which look alike, mean the same."""
+    assert parse("5 \u00b5s", "ns") == parse("5 \u03bcs", "ns") == 5_000
+    assert parse("5 \u03bcs", "s") == 5e-6

@@ -45,7 +45,7 @@ def _graphml(path: Path) -> nx.Graph:
 
 def _edge_list(path: Path) -> nx.Graph:
     pairs = []
-    for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, text in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
         match text.partition("#")[0].split():
             case []:
                 continue
@@ -57,7 +57,7 @@ def _edge_list(path: Path) -> nx.Graph:
 
 
 def _json(path: Path) -> nx.Graph:
-    data = json.loads(path.read_text(encoding="utf-8"))
+    data = json.loads(path.read_text(encoding="utf-8-sig"))
     if not isinstance(data, dict):
         raise BadInput(f'holds {type(data).__name__} at the top: write an object with "edges"')
     if "nodes" in data:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import networkx as nx
@@ -20,6 +20,8 @@ from .presence import Edge, Places, Span, TimedGraph, timed
 from .random_graphs import erdos_renyi, geometric, small_world
 from .regular import complete, grid, line, ring, star
 
+Place = tuple[str | int, ...]
+"""Place of a value relative to the settings."""
 _FIXED_ARRAYS = {4: four_module_array, 16: sixteen_module_array}
 
 
@@ -48,6 +50,10 @@ class GraphSettings:
             BadInput: as `build`, with the place relative to these settings.
         """
         return TimedGraph(self.build(seed))
+
+    def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
+        """These settings without what starts at `until_ns` or later, and place and start of each part left out."""
+        return self, []
 
 
 @dataclass(frozen=True)
@@ -275,6 +281,21 @@ class Edges(GraphSettings):
             spans[ends] = [(0, until_ns)] if isinstance(its, str) else _spans(its, word, until_ns)
         return over_whole_run(spans, until_ns)
 
+    def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
+        """Leave out the spans that start too late, and edges that have no other."""
+        if not isinstance(self.edges, Mapping):
+            return self, []
+        kept: dict[str, Spans] = {}
+        late: list[tuple[Place, int]] = []
+        for word, its in self.edges.items():
+            if isinstance(its, str):
+                kept[word] = its
+                continue
+            late += [(("edges", word, index), span[0]) for index, span in enumerate(its) if span[0] >= until_ns]
+            if (begun := tuple(span for span in its if span[0] < until_ns)) or not its:
+                kept[word] = begun
+        return replace(self, edges=kept), late
+
 
 def edge(word: str) -> Edge:
     """Read an edge such as 1-2.
@@ -305,7 +326,7 @@ def _spans(given: Sequence[tuple[int, ...]], word: str, until_ns: int) -> list[S
     return found
 
 
-def check_instant(time_ns: int, until_ns: int, place: tuple[str | int, ...]) -> int:
+def check_instant(time_ns: int, until_ns: int, place: Place) -> int:
     """Return the instant if it is within the run.
 
     Raises:

@@ -6,7 +6,10 @@ import re
 from functools import lru_cache
 
 from ..errors import BadInput
+from ..names import check_length
 
+LONGEST = 100
+"""Bytes of an agent's name."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"([0-9]+)")
 
@@ -25,10 +28,10 @@ def check_name(name: object) -> str:
     """Return the name if it is allowed for an agent.
 
     Raises:
-        BadInput: not text, or other characters than ASCII letters, digits and underscores.
+        BadInput: not text, other characters than ASCII letters, digits and underscores, or more than `LONGEST`.
     """
     if isinstance(name, str) and _NAME.fullmatch(name):
-        return name
+        return check_length(name, LONGEST, "the agent's name")
     raise BadInput(
         f"{name!r} cannot be an agent's name: use ASCII letters, digits and underscores, as in '7' or 'uav_2'"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import BadInput
 from ..kinds import Kinds
 from ..units import Metres, Nanoseconds, check_above_zero
-from .graph_settings import FIXED, Edges, GraphSettings, check_instant, over_whole_run, seconds
+from .graph_settings import FIXED, Edges, GraphSettings, Place, check_instant, over_whole_run, seconds
 from .graphs import Position, agents, edges, positions
 from .naming import natural_key
 from .presence import Edge, Places, Span, TimedGraph, epochs
@@ -57,6 +57,14 @@ class Schedule(GraphSettings):
                 raise BadInput(f"{text}: give all the same agents, or write its edges", (index,))
         begun = [(epoch.from_, its) for epoch, (its, _, _) in zip(self.schedule, graphs, strict=True)]
         return over_whole_run(epochs(begun, until_ns), until_ns, everyone, graphs[0][2])
+
+    def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
+        """Leave out the graphs that start too late."""
+        kept = tuple(epoch for epoch in self.schedule if epoch.from_ < until_ns)
+        late: list[tuple[Place, int]] = [
+            (("schedule", index), epoch.from_) for index, epoch in enumerate(self.schedule) if epoch.from_ >= until_ns
+        ]
+        return replace(self, schedule=kept), late
 
     def _check_begins(self, until_ns: int) -> None:
         if not self.schedule:

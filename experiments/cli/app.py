@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ USAGE_ERROR = 2
 INTERRUPTED = 130
 _BESIDE_A_SWARM = {"status", "watch", "fault", "stop"}
 _LEAST_PRIORITY = 19
+_SHOWN = 60
 
 _HELP = """Swarms of agents that talk to their neighbours over links that fail: what does this estimator do then?
 
@@ -72,6 +74,11 @@ def main(words: Sequence[str] | None = None) -> int:
     except VoleryError as error:
         print_error(str(error))
         return error.exit_code
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        print_error(f"{str(error.filename)[:_SHOWN]}…: a name in this path is too long for a file")
+        return USAGE_ERROR
     except KeyboardInterrupt:
         return INTERRUPTED
     return code or 0

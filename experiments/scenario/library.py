@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...errors import BadInput
-from ...names import did_you_mean
+from ...names import LONGEST_FILE, check_length, did_you_mean
 from .yaml_document import parse
 
 _FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -99,10 +99,11 @@ def find_source(source: str | Path) -> Source:
         BadInput: no such name, or a file that is missing, unreadable or not UTF-8.
     """
     path = Path(source)
+    check_length(path.name, LONGEST_FILE, "the scenario's name")
     if isinstance(source, str) and path.name == source and path.suffix not in _SUFFIXES and not path.is_file():
         return Source(source, f"{source}.yaml", scenario_text(source), Path.cwd())
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

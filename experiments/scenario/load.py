@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from .library import builtin_scenarios, find_source, new_scenario_text, scenario
 from .schema import Scenario, json_schema, resolved_yaml
 from .settings_reading import validated
 from .trace_files import anchor
-from .yaml_document import Problem, read_document
+from .yaml_document import Loc, Problem, read_document
 
 __all__ = [
     "LoadedScenario",
@@ -49,7 +49,8 @@ class LoadedScenario:
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedScenario:
     """The scenario of a built-in name or a file, read and compiled once.
 
-    A fault that starts after the end of the run is refused, unless an override shortened the run: then it is left out.
+    A fault, or a graph or edge of a topology that changes, that starts after the end of the run is refused, unless an
+    override shortened the run: then it is left out.
 
     Args:
         source: a name such as dfa16-lossy, or the path of a YAML file.
@@ -71,22 +72,26 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
         scenario: Scenario = validated(Scenario, document.data)
     except ValidationError as error:
         raise document.error(explain(error, partial(known_fields, Scenario, document.data))) from error
-    plan, problems = attempt(scenario)
-    end = quantity(scenario.duration, "ns")
-    late = [
-        (
-            index,
-            "from" if entry.at is None else "at",
-            f"starts at {quantity(entry.start_ns, 'ns')}, the run ends at {end}",
-        )
+    late: list[tuple[Loc, str, int]] = [
+        (("faults", index), "from" if entry.at is None else "at", entry.start_ns)
         for index, entry in enumerate(scenario.faults)
         if not scenario.in_run(entry)
     ]
-    if not document.is_overridden(("duration",)):
-        problems += [Problem(("faults", index, field), f"{text}: start it earlier") for index, field, text in late]
+    shortened = document.is_overridden(("duration",))
+    if shortened:
+        topology, late_parts = scenario.topology.shortened(scenario.duration)
+        scenario = replace(scenario, topology=topology)
+        late += [(("topology", *place), "", start_ns) for place, start_ns in late_parts]
+    end = quantity(scenario.duration, "ns")
+    texts = [
+        (place, field, f"starts at {quantity(start, 'ns')}, the run ends at {end}") for place, field, start in late
+    ]
+    plan, problems = attempt(scenario)
+    if not shortened:
+        problems += [Problem((*place, field), f"{text}: start it earlier") for place, field, text in texts]
     if plan is None or problems:
         raise document.error(problems)
-    notes = tuple(f"faults.{index} is left out: {text}" for index, _, text in late)
+    notes = tuple(f"{'.'.join(map(str, place))} is left out: {text}" for place, _, text in texts)
     return LoadedScenario(scenario, plan, notes, tuple(dict.fromkeys(files)))
 
 

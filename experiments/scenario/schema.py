@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 from ...agents.plan import MILLISECOND_NS
 from ...agents.registry import AGENTS
 from ...errors import BadInput
+from ...names import LONGEST_RUN, check_length
 from ...topologies.over_time import Topology
 from ...units import Bounds, Nanoseconds, quantity
 from ...worlds.world_kinds import AnyWorld
@@ -144,7 +145,7 @@ class _All(_EveryKind):
 def _name(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise BadInput(f"{name!r} cannot name a run: use letters, digits, '_', '-' and '.', a letter or digit first")
-    return name
+    return check_length(name, LONGEST_RUN, "the name")
 
 
 def _lasting(duration_ns: int) -> int:

@@ -139,7 +139,7 @@ def typed(hint: Any, owner: Unit | None = None) -> Any:
 def _quantity(base: Any, unit: Unit) -> Any:
     names = "|".join(
         sorted((name.replace("(", r"\(").replace(")", r"\)") for name in unit.names), key=len, reverse=True)
-    )
+    ).replace("µ", "[µμ]")
     sign = "[-+]?" if unit.signed else "[+]?"
     units = ", ".join(unit.names)
     text = {

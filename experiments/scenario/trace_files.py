@@ -14,7 +14,7 @@ from ...transport.latencies import LatencyTrace
 from ...transport.losses import LossTrace
 from ...units import Nanoseconds, parse
 
-_IN_TIME = r"_(ns|us|µs|ms|s|min|h)"
+_IN_TIME = r"_(ns|us|[µμ]s|ms|s|min|h)"
 _TRACE, _FILE = "trace", "file"
 
 

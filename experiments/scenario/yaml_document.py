@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.constructor import RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarbool import ScalarBoolean
 
@@ -125,18 +126,40 @@ def _mark(tree: Any, part: str | int | None, of_key: bool = False) -> tuple[int,
     return (mark[0], mark[1])
 
 
+class _NotDecimal(MarkedYAMLError):
+    """An integer of which the text is lost where a name is meant, such as 01."""
+
+
+class _Constructor(RoundTripConstructor):
+    """Constructs decimal integers only: 01 and 0x1F would silently name the agents 1 and 31."""
+
+    def construct_yaml_int(self, node: Any) -> Any:
+        """The integer of a scalar."""
+        value = super().construct_yaml_int(node)
+        if node.value.lstrip("+-") != str(abs(value)):
+            text = f"{node.value} is the number {value} to YAML: write {value}, or '{node.value}' in quotes for a name"
+            raise _NotDecimal(problem=text, problem_mark=node.start_mark)
+        return value
+
+
+_Constructor.add_constructor("tag:yaml.org,2002:int", _Constructor.construct_yaml_int)
+
+
 def parse(text: str, label: str) -> Any:
     """The YAML 1.2 value of a text, with positions.
 
     Raises:
-        BadInput: not YAML, or a key twice; the message has label, line and column.
+        BadInput: not YAML, a key twice, or an integer that is not decimal; the message has label, line and column.
     """
+    yaml = YAML(typ="rt", pure=True)
+    yaml.Constructor = _Constructor
     try:
-        return YAML(typ="rt", pure=True).load(text)
+        return yaml.load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f"{label}:{mark.line + 1}:{mark.column + 1}" if mark else label
-        raise BadInput(f"{place}: not YAML: {error.problem or error.context}") from error
+        kind = "" if isinstance(error, _NotDecimal) else "not YAML: "
+        raise BadInput(f"{place}: {kind}{error.problem or error.context}") from error
     except (YAMLError, ValueError, RecursionError, NotImplementedError, AttributeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BadInput(f"{label}: not YAML: {reason}") from error

@@ -12,6 +12,7 @@ from itertools import product, starmap
 from pathlib import Path
 
 from ...errors import BadInput
+from ...names import LONGEST_RUN, check_length
 from ..execution import Engine
 from .pools import Pool, cores, dask_pool, local_pool
 from .sweep_plan import SweepPlan
@@ -38,6 +39,8 @@ class SweepOptions:
 
     def __post_init__(self) -> None:
         """Check the bounds."""
+        if self.name is not None:
+            check_length(Path(self.name).name, LONGEST_RUN, "the sweep's name")
         if self.repeat < 1:
             raise BadInput(f"--repeat {self.repeat}: each cell is run at least once")
         if self.scheduler is not None and self.workers is not None:

@@ -10,6 +10,11 @@ from typing import TypeVar
 from .errors import BadInput
 
 Base = TypeVar("Base")
+LONGEST_RUN = 200
+"""Bytes of the name of a scenario or of a run's folder; time and number are added to it."""
+LONGEST_FILE = 255
+"""Bytes of the name of a file."""
+_SHOWN = 30
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -23,6 +28,18 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if near := nearest(name, names):
         return f" (did you mean {near!r}?)"
     return f" (known: {', '.join(names)})" if names else ""
+
+
+def check_length(name: str, most: int, what: str) -> str:
+    """Return the name if it has at most so many bytes in UTF-8, as folders and keys need.
+
+    Raises:
+        BadInput: it has more.
+    """
+    size = len(name.encode(errors="surrogateescape"))
+    if size > most:
+        raise BadInput(f"{what} {name[:_SHOWN]}… has {size} bytes: it may have at most {most}")
+    return name
 
 
 def imported_class(target: str, base: type[Base], what: str) -> type[Base]:

@@ -55,6 +55,8 @@ _SCALES: dict[str, dict[str, Fraction | float]] = {
     "dBm": {"dBm": Fraction(1)},
     "ppb": {"ppb": Fraction(1), "ppm": Fraction(1000)},
 }
+GREEK_MU = "μ"
+"""U+03BC, which keyboards and editors write for the micro sign U+00B5 that is in the table."""
 _WHOLE = ("ns", "B", "ppb")
 _UNSIGNED = ("Hz", "bit/s", "B", "kg", "kg m²", "/s")
 _WRITTEN_IN = {
@@ -74,7 +76,7 @@ def parse(text: str, unit: str) -> float | int:
         BadInput: not a number with a unit, or a unit of another dimension; the message lists the allowed units.
     """
     scales = _SCALES[unit]
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text.replace(GREEK_MU, "µ"))
     if match is None or match[2] not in scales:
         raise BadInput(f"{text!r} is not a quantity here: write a number and one of {', '.join(scales)}")
     scale = scales[match[2]]

@@ -54,6 +54,16 @@ def test_plain_json(tmp_path: Path) -> None:
     assert topologies.positions(topologies.read(path)) == {}
 
 
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    """Editors of Windows write one: it belongs to no name, in edge lists, JSON and GraphML."""
+    (tmp_path / "a.edges").write_text("\ufeff1 2\n2 10\n", "utf-8")
+    (tmp_path / "a.json").write_text('\ufeff{"edges": [[1, 2], [2, 10]]}', "utf-8")
+    nx.write_graphml(nx.Graph([("1", "2"), ("2", "10")]), tmp_path / "a.graphml")
+    (tmp_path / "a.graphml").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "a.graphml").read_bytes())
+    for suffix in ("edges", "json", "graphml"):
+        assert topologies.edges(topologies.read(tmp_path / f"a.{suffix}")) == [("1", "2"), ("2", "10")]
+
+
 @pytest.mark.parametrize("suffix", [".edgelist", ".edges", ".txt", ".TXT"])
 def test_edge_list(tmp_path: Path, suffix: str) -> None:
     """Two agents a line; comments and empty lines do not count."""

@@ -32,3 +32,10 @@ def test_other_names_are_refused(name: object) -> None:
     """Anything else is refused by name, line ends and foreign digits included."""
     with pytest.raises(BadInput, match="cannot be an agent's name"):
         check_name(name)
+
+
+def test_long_names_are_refused() -> None:
+    """A name becomes part of keys: it has at most 100 bytes."""
+    assert check_name("a" * 100) == "a" * 100
+    with pytest.raises(BadInput, match=r"the agent's name a+… has 101 bytes: it may have at most 100"):
+        check_name("a" * 101)

@@ -80,3 +80,11 @@ def test_the_process_ends_with_the_exit_code(volery: Volery) -> None:
     assert done.stdout == ""
     assert done.stderr.startswith("error: there is no scenario 'dfa16-losy' (did you mean 'dfa16-lossy'?)")
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("words", [["metrics"], ["run", "dfa4", "--engine", "twin", "--name"], ["show"]])
+def test_names_that_are_too_long_for_a_file_are_bad_input(volery: Volery, words: list[str]) -> None:
+    """Of scenarios, runs and folders: a sentence, and no traceback."""
+    said = volery(*words, "a" * 300)
+    assert said.code == 2
+    assert "bytes: it may have at most" in said.error or "is too long for a file" in said.error

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.scenario.load import load_scenario
+from volery.experiments.scenario.compile import compile_plan
+from volery.experiments.scenario.load import load_scenario, resolved_yaml
+from volery.experiments.scenario.yaml_document import read_document
 from volery.topologies.graph_settings import FromFile
+from volery.transport.faults import LinkFault
 from volery.transport.latencies import Normal
 from volery.transport.losses import GilbertElliott
 from volery.transport.media import HalfDuplex, Tdma
@@ -70,6 +74,11 @@ def test_every_part_is_read(load: Load) -> None:
         ("{line: 3}", "{lime: 3}", "example.yaml:4:18: topology.lime: unknown kind 'lime' (did you mean 'line'"),
         ("{line: 3}", "{cells: [[0, 0], [0, 0]]}", "example.yaml:4:19: topology.cells: cell [0, 0] is taken"),
         ("{line: 3}", "{cells: [[0, 0], [5, 0]]}", "topology.cells: the topology is not connected"),
+        ("cut: 1-2", "kill: 01", "example.yaml:16:33: 01 is the number 1 to YAML: write 1, or '01' in quotes for a"),
+        ("cut: 1-2", "kill: [0x1F]", "example.yaml:16:34: 0x1F is the number 31 to YAML: write 31, or '0x1F'"),
+        ("faults:", "groups: {01: [1]}\nfaults:", "example.yaml:15:10: 01 is the number 1 to YAML"),
+        ("name: example", f"name: {'a' * 201}", "1:7: name: the name aaaaaaaaaaaaaaaaaaaaaaaaaaaaaa… has 201 bytes"),
+        ("{line: 3}", f"{{edges: [a-{'b' * 300}]}}", "topology.edges: the agent's name bbbbbb"),
         ("{line: 3}", "line", "example.yaml:4:11: topology: should be a mapping of fields, not 'line'"),
         ("Talker", "Walker", "example.yaml:6:9: agents.kind: agent kind 'tiny_agents:Walker' cannot be loaded"),
         (
@@ -205,6 +214,54 @@ def test_an_unknown_name_proposes_the_nearest() -> None:
     """A built-in scenario is found by name, a near miss is named."""
     with pytest.raises(BadInput, match=r"there is no scenario 'dfa16-losy' .did you mean 'dfa16-lossy'"):
         load_scenario("dfa16-losy")
+
+
+def test_long_names_of_scenarios_are_refused() -> None:
+    """No name of a file has more than 255 bytes; the system's own error would be no message."""
+    with pytest.raises(BadInput, match=r"the scenario's name a+… has 300 bytes: it may have at most 255"):
+        load_scenario("a" * 300)
+
+
+def test_quoted_digits_are_names(load: Load) -> None:
+    """`01` in quotes is the agent 01, which is not the agent 1."""
+    scenario = load("faults.0.cut='01'", replacing=("{line: 3}", "{edges: ['01-2', 2-3, 3-01]}"))
+    (fault,) = compile_plan(replace(scenario, faults=scenario.faults[:1])).faults
+    assert isinstance(fault, LinkFault)
+    assert set(fault.links) == {("01", "2"), ("2", "01"), ("01", "3"), ("3", "01")}
+
+
+def test_a_byte_order_mark_before_a_scenario_is_no_part_of_it(tmp_path: Path) -> None:
+    """Editors of Windows write one."""
+    path = tmp_path / "s.yaml"
+    path.write_text(f"\ufeff{TEXT}", "utf-8")
+    assert load_scenario(path).scenario.name == "example"
+
+
+@pytest.mark.parametrize(
+    ("topology", "note"),
+    [
+        (
+            "{schedule: [{from: 0 s, line: 3}, {from: 5 s, ring: 3}, {from: 7 s, line: 3}]}",
+            "topology.schedule.2 is left out: starts at 7 s, the run ends at 6 s",
+        ),
+        (
+            "{edges: {1-2: always, 2-3: [[0 s, 8 s], [9 s]], 1-3: [[7 s, 8 s]]}}",
+            "topology.edges.2-3.1 is left out: starts at 9 s, the run ends at 6 s",
+        ),
+    ],
+)
+def test_an_override_shortens_graphs_that_change(tmp_path: Path, topology: str, note: str) -> None:
+    """What starts after the new end is left out with a note, where the file says the duration itself refused."""
+    path = tmp_path / "s.yaml"
+    path.write_text(TEXT.replace("{line: 3}", topology).partition("faults:")[0], "utf-8")
+    shortened = load_scenario(path, ["duration=6 s"])
+    assert note in shortened.notes
+    assert read_document(resolved_yaml(shortened.scenario), "").data["duration"] == "6 s"
+    presence = shortened.plan.presence
+    assert all(end <= 6 * 10**9 for spans in presence.values() for _, end in spans)
+    path.write_text(path.read_text("utf-8").replace("duration: 10 s", "duration: 6 s"), "utf-8")
+    with pytest.raises(BadInput, match="is not within the run, which lasts 6 s"):
+        load_scenario(path)
 
 
 def test_the_name_is_by_default_the_file(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def test_a_trace_is_read_with_its_scenario(load: Load, tmp_path: Path) -> None:
     folder = tmp_path / "recorded"
     folder.mkdir()
     (folder / "loss.csv").write_text("time_s,loss\n0,0.1\n0.5,1\n\n1.25,0\n", "utf-8")
-    (folder / "delay.csv").write_text("\ufefftime_min, note, latency_us\n0,start,1500\n.5,,2e3\n", "utf-8")
+    (folder / "delay.csv").write_text("\ufefftime_min, note, latency_\u03bcs\n0,start,1500\n.5,,2e3\n", "utf-8")
     scenario = load(
         replacing=(
             f"{LATENCY}\n  {LOSS}",
