@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache, partial
 from types import GenericAlias
 from typing import Annotated, Any, get_type_hints
@@ -13,15 +13,12 @@ from pydantic import BaseModel, Field, create_model
 from ...transport.links import Bucket, LinkSettings
 from ...transport.media import HalfDuplex
 from .dumping import settings
-from .explaining import known_fields
 from .fault_places import Words
 from .field_docs import described
 from .presets import PRESET, PresetName, with_preset
 from .settings_reading import Reader, any_of, given, partial_model, typed, validated
-from .yaml_document import Loc
 
 _PRESET: Any = (PresetName, Field(default=None, alias=PRESET, title=PRESET, description="links of well-known hardware"))
-LINK_FIELDS = tuple(field.name for field in fields(LinkSettings))
 
 
 @cache
@@ -40,11 +37,7 @@ def dumped_changes(changes: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _known(value: Any, loc: Loc) -> set[str]:
-    return known_fields(LinkSettings, value, loc)
-
-
-LinkChanges = Annotated[Mapping[str, Any], Reader(_read_changes, _changes_model, _known, dumped_changes)]
+LinkChanges = Annotated[Mapping[str, Any], Reader(_read_changes, _changes_model, dumped_changes)]
 """Settings of a link as they are written; those that are absent stay as they are."""
 
 
@@ -73,7 +66,7 @@ def _only_model() -> type[BaseModel]:
 @cache
 def _links_model() -> type[BaseModel]:
     field: Any = Field(default=[], alias="only", title="only", description="what differs on some")
-    only: Any = (GenericAlias(list, (_only_model(),)), field)
+    only: Any = (GenericAlias(list, (typed(_only_model()),)), field)
     return create_model("Links", __base__=_changes_model(), preset_=_PRESET, only_=only, **_parts())
 
 
@@ -103,17 +96,10 @@ def _read_links(value: Any) -> Links:
     return Links(LinkSettings(**base), only)
 
 
-def _known_of_links(value: Any, loc: Loc) -> set[str]:
-    within = loc[2:] if loc[:1] == ("only",) else loc
-    if within:
-        return known_fields(LinkSettings, value, within)
-    return {*LINK_FIELDS, PRESET, "where" if loc else "only"}
-
-
 def _dumped_links(links: Links) -> dict[str, Any]:
     only = [{"where": list(each.where), **dumped_changes(each.changes)} for each in links.only]
     return {**settings(links.base), "only": only}
 
 
-LinksText = Annotated[Links, Reader(_read_links, _links_model, _known_of_links, _dumped_links)]
+LinksText = Annotated[Links, Reader(_read_links, _links_model, _dumped_links)]
 """The scenario's `links:`, settings of all links and, under `only`, what differs on some."""

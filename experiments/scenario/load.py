@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from pydantic import ValidationError
 from ...agents.plan import Plan
 from ...units import quantity
 from .compile import attempt
-from .explaining import explain, known_fields
+from .explaining import explain
 from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .schema import Scenario, json_schema, resolved_yaml
 from .settings_reading import validated
@@ -71,7 +70,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
     try:
         scenario: Scenario = validated(Scenario, document.data)
     except ValidationError as error:
-        raise document.error(explain(error, partial(known_fields, Scenario, document.data))) from error
+        raise document.error(explain(error)) from error
     late: list[tuple[Loc, str, int]] = [
         (("faults", index), "from" if entry.at is None else "at", entry.start_ns)
         for index, entry in enumerate(scenario.faults)

@@ -19,7 +19,6 @@ from ...topologies.over_time import Topology
 from ...units import Bounds, Nanoseconds, quantity
 from ...worlds.world_kinds import AnyWorld
 from .dumping import dumped, settings
-from .explaining import known_fields
 from .fault_places import Groups, Words
 from .link_schema import Links, LinksText
 from .settings_reading import (
@@ -31,12 +30,11 @@ from .settings_reading import (
     model_fields,
     model_of,
     read_fields,
+    read_model,
     tagged,
     typed,
-    validated,
 )
 from .timeline import FaultEntry
-from .yaml_document import Loc
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _OWN_CLASS = r"^[^:]+:[^:]+$"
@@ -95,7 +93,7 @@ def _read_agents(made: Any, beside: Any, value: Any) -> Any:
     """A kind with its parameters, and what stands beside them."""
     kind, body = tagged(AGENTS, value)
     parameters = AGENTS.find(kind).Parameters
-    values = given(validated(model_of(parameters, beside=beside), body))
+    values = given(read_model(model_of(parameters, tag=kind, beside=beside), {TAG: kind, **body}))
     own = beside(**{field.name: values.pop(field.name) for field in fields(beside) if field.name in values})
     return made(kind=kind, parameters=parameters(**values), **vars(own))
 
@@ -109,15 +107,6 @@ def _agents_text(beside: Any) -> Any:
     return any_of([*shapes, own])
 
 
-def _known_of_agents(beside: Any, value: Any, loc: Loc) -> set[str]:
-    own = read_fields(beside)
-    if loc[:1] and str(loc[0]) in own:
-        return known_fields(beside, value, loc)
-    kind = value.get(TAG) if isinstance(value, dict) else value
-    known = known_fields(AGENTS.find(str(kind)).Parameters, value, loc)
-    return known if loc else {*own, TAG, *known}
-
-
 def _dumped_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:
     own = {name: dumped(getattr(agents, name), hint) for name, (hint, _) in read_fields(beside).items()}
     return {TAG: agents.kind, **own, **dumped(agents.parameters)}
@@ -127,7 +116,6 @@ def _agents_reader(made: Any, beside: Any) -> Reader:
     return Reader(
         partial(_read_agents, made, beside),
         partial(_agents_text, beside),
-        partial(_known_of_agents, beside),
         partial(_dumped_kind, beside),
     )
 

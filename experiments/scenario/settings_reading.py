@@ -39,7 +39,6 @@ from .annotations import is_union, mark, owned, written_name
 from .dumping import dumped
 from .field_docs import described, summary
 from .trace_files import STAND_INS
-from .yaml_document import Loc
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
 TAG = "kind"
@@ -50,13 +49,11 @@ _NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
 class Reader:
     """Marks a type with the function that reads it, and with pydantic's type of its source, for JSON Schema.
 
-    known: names of the fields at a place of a value.
     dump: the value as plain data that reads back equal.
     """
 
     read: Callable[[Any], Any]
     source: Callable[[], Any]
-    known: Callable[[Any, Loc], set[str]] | None = None
     dump: Callable[[Any], Any] | None = None
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -110,6 +107,31 @@ def _strictly(adapter: TypeAdapter[Any], value: Any) -> Any:
     return adapter.validate_json(json.dumps(value), strict=True)
 
 
+class UnknownField(BadInput):
+    """A field that a mapping of settings does not have."""
+
+
+def read_model(model: type[BaseModel], value: Any) -> Any:
+    """A mapping as a model, read strictly.
+
+    Raises:
+        ValidationError: all errors, each with its place; those of unknown fields name the nearest known one.
+    """
+    try:
+        return model.model_validate_json(json.dumps(value), strict=True)
+    except ValidationError as error:
+        known = [str(field.alias) for field in model.model_fields.values()]
+        details = [_with_known(detail, known) for detail in error.errors(include_url=False)]
+        raise ValidationError.from_exception_data(error.title, details) from error
+
+
+def _with_known(detail: Any, known: Sequence[str]) -> Any:
+    if detail["type"] != "extra_forbidden":
+        return detail
+    unknown = UnknownField(f"unknown field{did_you_mean(str(detail['loc'][-1]), known)}")
+    return {**detail, "type": "value_error", "ctx": {"error": unknown}}
+
+
 def _mapping(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise BadInput(f"should be a mapping of fields, not {value!r}")
@@ -153,10 +175,8 @@ def _quantity(base: Any, unit: Unit) -> Any:
 
 def _structure(base: Any, owner: Unit | None) -> Any:
     """A type without marks of its own."""
-    if base is Steps:
-        return Annotated[base, _steps(owner)]
-    if isinstance(base, type) and is_dataclass(base):
-        return _settings(base, owner)
+    if isinstance(base, type) and (is_dataclass(base) or issubclass(base, BaseModel)):
+        return Annotated[base, _settings(base, owner)]
     parts = get_args(base)
     if is_union(base):
         return _union([part for part in parts if part is not type(None)], type(None) in parts, owner)
@@ -168,12 +188,21 @@ def _structure(base: Any, owner: Unit | None) -> Any:
     return whole
 
 
-def _settings(cls: Any, owner: Unit | None) -> Any:
+def _settings(cls: Any, owner: Unit | None) -> Reader:
+    """The reader of a dataclass or a model."""
+    if cls is Steps:
+        return _steps(owner)
+    if issubclass(cls, BaseModel):
+        return Reader(partial(read_model, cls), lambda: cls)
     if inline_field(cls) is not None:
-        return Annotated[cls, Reader(partial(_read_inline, cls), partial(_inline_text, cls))]
+        return Reader(partial(_read_inline, cls), partial(_inline_text, cls))
     read_as: Any = STAND_INS.get(cls, cls)
-    model: Any = model_of(read_as, owner)
-    return Annotated[model, AfterValidator(partial(_made, read_as))]
+    return Reader(partial(_read_settings, read_as, owner), partial(model_of, read_as, owner))
+
+
+def _read_settings(cls: Any, owner: Unit | None, value: Any) -> Any:
+    made = cls(**given(read_model(model_of(cls, owner), value)))
+    return made.made() if cls in STAND_INS.values() else made
 
 
 def _by_quantity(whole: Any) -> Reader:
@@ -283,11 +312,6 @@ def _field(cls: Any, field: Any, name: str, hint: Any, *, needed: bool, owner: U
     return Field(default=None, alias=name, title=name, description=description, json_schema_extra=extra)
 
 
-def _made(cls: Any, model: BaseModel) -> Any:
-    made = cls(**given(model))
-    return made.made() if cls in STAND_INS.values() else made
-
-
 def given(model: BaseModel) -> dict[str, Any]:
     """Field → value, of the fields that were given."""
     return {name.removesuffix("_"): getattr(model, name) for name in model.model_fields_set if name.endswith("_")}
@@ -302,7 +326,7 @@ def _read_inline(cls: Any, value: Any) -> Any:
     inline, hints = str(inline_field(cls)), read_fields(cls)
     own = {name: item for name, item in _mapping(value).items() if name in hints and name != inline}
     others = {name: item for name, item in value.items() if name not in own}
-    beside = given(_outer_model(cls).model_validate_json(json.dumps(own), strict=True))
+    beside = given(read_model(_outer_model(cls), own))
     return cls(**beside, **{inline: validated(hints[inline][0], others)})
 
 
@@ -414,7 +438,8 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
 
 def _by_kind(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     name, body = tagged(kinds, value)
-    return _strictly(_adapter(kinds.find(name), unit), body)
+    cls = kinds.find(name)
+    return cls(**given(read_model(model_of(cls, unit, tag=name), {TAG: name, **body})))
 
 
 def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
@@ -453,7 +478,7 @@ def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     name, cls = found[0], kinds.find(found[0])
     body, beside = value[name], [key for key in value if key != name]
     if not isinstance(body, dict) or (list(read_fields(cls)) == [name] and list(body) != [name]):
-        return _of_flat(cls, flat_model(cls, name).model_validate_json(json.dumps(value), strict=True))
+        return _of_flat(cls, read_model(flat_model(cls, name), value))
     if beside:
         text = f"{', '.join(beside)} beside {name}: move it into the mapping of {name}"
         raise BadInput(text, (beside[0],))

@@ -5,16 +5,17 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import fields
 from io import StringIO
 from pathlib import Path
 
 import pytest
 from ruamel.yaml import YAML
 
-from volery.experiments.scenario.link_schema import LINK_FIELDS
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.presets import presets
 from volery.transport.latencies import LATENCIES
+from volery.transport.links import LinkSettings
 from volery.transport.losses import LOSSES
 from volery.transport.media import ACCESSES
 
@@ -36,7 +37,13 @@ BASE = {
 
 def test_every_parameter_and_model_is_explained() -> None:
     """Fields of links, accesses, models of loss and latency, and presets."""
-    names = {*LINK_FIELDS, *ACCESSES.names(), *LOSSES.names(), *LATENCIES.names(), *presets()}
+    names = {
+        *(field.name for field in fields(LinkSettings)),
+        *ACCESSES.names(),
+        *LOSSES.names(),
+        *LATENCIES.names(),
+        *presets(),
+    }
     assert names - IN_CODE == set()
 
 
