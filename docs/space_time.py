@@ -50,7 +50,7 @@ def frames(record: Record, source: str, target: str) -> list[tuple[FrameFate, st
 def space_time(axes: Axes, record: Record, from_ms: float, until_ms: float) -> None:
     """Draw a window of a run as `volery plot --space-time` does."""
     window = Window(int(from_ms * MS), int(until_ms * MS), tuple(agent.name for agent in record.plan.agents))
-    draw_space_time(axes, record, frame_fates(record), window)
+    draw_space_time(axes, record, window)
 
 
 def legend(figure: Figure, *fates: str) -> None:

@@ -1,7 +1,9 @@
-"""What became of the frames of each link, summed up; the sum closes exactly or the record is not whole.
+"""What became of the frames of each link, summed up, and the airtime of each medium.
 
 offered + duplicated = refused + queued-out + lost (by cause) + delivered + unknown (an end died unasked)
                      + in flight at the end
+
+The sum closes exactly, or the record is not whole.
 """
 
 from __future__ import annotations
@@ -12,8 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
+from ...transport.media import HalfDuplex, Medium, on_air
 from ..record.frame_fates import (
     IN_FLIGHT,
     MISSING,
@@ -134,3 +138,26 @@ def total(accounts: Iterable[LinkAccount]) -> dict[str, int]:
     for one in links:
         lost.update(one.lost)
     return {**sums, **{f"lost ({cause})": count for cause, count in sorted(lost.items())}}
+
+
+def medium_name(link: LinkName, medium: Medium) -> str:
+    """What a link goes over: "3>7" a direction of its own, "3-7" the edge in turns, "radio 3" that of its source."""
+    if on_air(medium):
+        return f"radio {link[0]}"
+    if isinstance(medium, HalfDuplex):
+        return "-".join(sorted(link, key=natural_key))
+    return ">".join(link)
+
+
+def airtime_utilisation(record: Record) -> dict[str, float]:
+    """Medium → airtime of all that went over it, over the length of the run; what all neighbours hear counts once."""
+    used: dict[str, set[tuple[str, int, int, int]]] = {}
+    for link, frames in frame_fates(record).items():
+        mine = used.setdefault(medium_name(link, record.plan.links[link].medium), set())
+        mine.update(
+            (link[0], frame.incarnation, frame.start_ns, frame.airtime_ns)
+            for frame in frames
+            if frame.start_ns is not None and frame.airtime_ns is not None
+        )
+    elapsed = record.last_ns or 1
+    return {name: sum(airtime for *_, airtime in once) / elapsed for name, once in used.items()}

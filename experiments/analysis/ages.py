@@ -8,7 +8,7 @@ start of the transmission: what a frame waits in its sender's queue is not in it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
-from ..record.frame_fates import FrameFate
+from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
 
 _HIGH = 0.99
@@ -63,9 +63,9 @@ class AgeMetrics:
     peak_ns: float
 
 
-def age_courses(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[LinkName, AgeCourse]:
+def age_courses(record: Record) -> dict[LinkName, AgeCourse]:
     """The age of information of each link through a run."""
-    return {link: age_course(frames, record.last_ns) for link, frames in fates.items()}
+    return {link: age_course(frames, record.last_ns) for link, frames in frame_fates(record).items()}
 
 
 def age_course(frames: Sequence[FrameFate], end_ns: int) -> AgeCourse:

@@ -18,7 +18,7 @@ from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
 from ...transport.losses import expected_loss, loss_stages, loss_variance
 from ...transport.media import on_air
 from ...transport.stages import Surroundings
-from ..record.frame_fates import FrameFate
+from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
 from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
 
@@ -91,8 +91,9 @@ class _Transmission(NamedTuple):
         return self.settings.draw_index(self.sequence, self.start_ns)
 
 
-def channels(record: Record, fates: Mapping[LinkName, Sequence[FrameFate]]) -> dict[LinkName, Channel]:
+def channels(record: Record) -> dict[LinkName, Channel]:
     """Compare each link of a run with its settings."""
+    fates = frame_fates(record)
     alpha = significance(_BY_CHANCE * len(fates))
     sent = {link: list(_transmissions(LinkCourse(record, link), mine)) for link, mine in fates.items()}
     radios: dict[str, dict[tuple[int, int], _Transmission]] = {}

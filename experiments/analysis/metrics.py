@@ -24,13 +24,11 @@ from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
 from ..evaluation.evaluation import Finding
 from ..evaluation.evaluation_result import EvaluationResult
-from ..record.frame_fates import frame_fates
 from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
-from .accounting import LinkAccount, link_account
+from .accounting import LinkAccount, account, airtime_utilisation
 from .ages import AgeMetrics, age_courses, age_metrics
-from .airtime import airtime_utilisation
 from .channels import Channel, channels
 from .fidelity import Fidelity, judge
 
@@ -167,13 +165,11 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
     """
     of = record.evaluation or EvaluationResult({})
-    frames = frame_fates(record)
-    asked = channels(record, frames)
-    ages = age_courses(record, frames)
-    links = {}
-    for link, mine in frames.items():
-        one = link_account(mine, record.last_ns)
-        links[">".join(link)] = LinkMetrics(one, one.closes, asked[link], age_metrics(ages[link]))
+    asked, ages = channels(record), age_courses(record)
+    links = {
+        ">".join(link): LinkMetrics(one, one.closes, asked[link], age_metrics(ages[link]))
+        for link, one in account(record).items()
+    }
     return Metrics(
         name=record.plan.name,
         seconds=record.last_ns / NANOSECONDS,
@@ -182,7 +178,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         not_evaluated=record.not_evaluated,
         quantities={quantity: _quantity(record, quantity, threshold) for quantity in of.compared()},
         links=links,
-        airtime=airtime_utilisation(record, frames),
+        airtime=airtime_utilisation(record),
         processes=_processes(record),
         findings=(*of.findings, *_notes(record)),
         fidelity=judge(

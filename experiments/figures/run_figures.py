@@ -6,7 +6,7 @@ Colours are those of Okabe and Ito, which are told apart with every kind of colo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...topologies import natural_key
-from ...transport.faults import LinkName
 from ...transport.links import NANOSECONDS
-from ..analysis.accounting import LinkAccount, link_account
-from ..analysis.ages import AgeCourse, age_courses, age_metrics
+from ..analysis.accounting import account
+from ..analysis.ages import age_courses, age_metrics
 from ..analysis.metrics import courses
-from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
@@ -73,8 +71,7 @@ def draw(
     names = list(which) or list(FIGURES if record.evaluation and record.evaluation.compared() else _OF_LINKS)
     _check("figure", names, FIGURES)
     check_formats(formats)
-    subject = _Subject(record, quantity)
-    return [path for name in names for path in save(partial(_draw, name, subject), name, out, formats)]
+    return [path for name in names for path in save(partial(_draw, name, record, quantity), name, out, formats)]
 
 
 def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Sequence[str]) -> list[Path]:
@@ -109,54 +106,35 @@ def _check(what: str, asked: Iterable[str], known: Sequence[str]) -> None:
             raise BadInput(f"{what} {name!r} is not known: one of {', '.join(known)}")
 
 
-class _Subject:
-    """A record with what several figures need of it, worked out once."""
-
-    def __init__(self, record: Record, quantity: str | None) -> None:
-        self.record = record
-        self._quantity = quantity
-
-    @cached_property
-    def seen(self) -> Samples:
-        """The samples of the asked quantity, or of the first that there is."""
-        quantities = self.record.evaluated.compared()
-        if not quantities:
-            raise BadInput("no agent reported an estimate: there is nothing to draw but links")
-        return samples(self.record, self._quantity or quantities[0])
-
-    @cached_property
-    def frames(self) -> dict[LinkName, list[FrameFate]]:
-        """The frames of each link."""
-        return frame_fates(self.record)
-
-    @cached_property
-    def accounts(self) -> dict[LinkName, LinkAccount]:
-        """The account of each link."""
-        return {link: link_account(mine, self.record.last_ns) for link, mine in self.frames.items()}
+def _seen(record: Record, quantity: str | None) -> Samples:
+    """The samples of a quantity, or of the first that there is."""
+    quantities = record.evaluated.compared()
+    if not quantities:
+        raise BadInput("no agent reported an estimate: there is nothing to draw but links")
+    return samples(record, quantity or quantities[0])
 
 
-def _draw(name: str, subject: _Subject, figure: Figure) -> None:
+def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> None:
     """Draw one of FIGURES, in its size."""
-    record = subject.record
-    if name == "links":
-        figure.set_size_inches(COLUMN_IN, 0.85 * COLUMN_IN)
-        draw_links(record, subject.accounts, figure)
-    elif name == "age":
-        figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
-        draw_ages(record, age_courses(record, subject.frames), figure)
-    elif name == "estimates":
-        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, subject.seen.estimate.shape[2]))
-        draw_estimates(record, subject.seen, figure)
+    if name in _OF_LINKS:
+        draw_of_links, height = (draw_links, 0.85) if name == "links" else (draw_ages, 0.7)
+        figure.set_size_inches(COLUMN_IN, height * COLUMN_IN)
+        draw_of_links(record, figure)
+        return
+    seen = _seen(record, quantity)
+    if name == "estimates":
+        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2]))
+        draw_estimates(record, seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
-        draw_disagreement(record, subject.seen, figure)
+        draw_disagreement(record, seen, figure)
     else:
         figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
         left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
         upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
-        draw_estimates(record, subject.seen, left, _OVERVIEW_PANELS)
-        draw_disagreement(record, subject.seen, upper)
-        draw_links(record, subject.accounts, lower)
+        draw_estimates(record, seen, left, _OVERVIEW_PANELS)
+        draw_disagreement(record, seen, upper)
+        draw_links(record, lower)
 
 
 def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS) -> None:
@@ -200,12 +178,12 @@ def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure)
     axes.set_xlim(0, record.last_ns / NANOSECONDS)
 
 
-def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure: Figure | SubFigure) -> None:
+def draw_links(record: Record, figure: Figure | SubFigure) -> None:
     """Which fraction of the frames that were put on the air came through, source by target; grey: no link."""
     names = [agent.name for agent in record.plan.agents]
     place = {name: number for number, name in enumerate(sorted(names, key=natural_key))}
     matrix = np.full((len(names), len(names)), np.nan)
-    for (source, target), one in accounts.items():
+    for (source, target), one in account(record).items():
         matrix[place[source], place[target]] = one.delivered_fraction
     axes = figure.subplots()
     axes.set_facecolor(GREY)
@@ -223,9 +201,9 @@ def draw_links(record: Record, accounts: Mapping[LinkName, LinkAccount], figure:
     axes.set_ylabel("from agent")
 
 
-def draw_ages(record: Record, ages_of: Mapping[LinkName, AgeCourse], figure: Figure | SubFigure) -> None:
+def draw_ages(record: Record, figure: Figure | SubFigure) -> None:
     """Age of information over time, the largest in each of many short spans: median and range of the links."""
-    axes = figure.subplots()
+    axes, ages_of = figure.subplots(), age_courses(record)
     edges = np.linspace(0, record.last_ns, _AGE_SPANS + 1).astype(np.int64)
     peaks = {link: course.peaks(edges) / 1e6 for link, course in ages_of.items() if len(course.time_ns)}
     lines: dict[str, Artist] = {}

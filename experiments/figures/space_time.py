@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import BadInput
 from ...topologies import natural_key
-from ...transport.faults import Fault, LinkFault, LinkName
+from ...transport.faults import Fault, LinkFault
 from ...transport.links import ACCESS, COLLISION, CORRUPT, CUT, DELIVERED, HALF_DUPLEX, LOST, NANOSECONDS
 from ..record.frame_fates import (
     IN_FLIGHT,
@@ -106,12 +106,11 @@ def plot_space_time(
         BadInput: no such format, or more frames than can be told apart.
     """
     check_formats(formats)
-    fates = frame_fates(record)
-    window = choose_window(record, fates, span, agents)
+    window = choose_window(record, span, agents)
 
     def draw(figure: Figure) -> None:
         figure.set_size_inches(PAGE_IN, max(_LEAST_IN, _AROUND_IN + _LANE_IN * len(window.agents)))
-        marks = draw_space_time(figure.subplots(), record, fates, window)
+        marks = draw_space_time(figure.subplots(), record, window)
         if marks:
             figure.legend(handles=marks, loc="outside lower center", ncols=min(len(marks), _LEGEND_COLUMNS))
 
@@ -120,7 +119,6 @@ def plot_space_time(
 
 def choose_window(
     record: Record,
-    fates: Mapping[LinkName, Sequence[FrameFate]],
     span: tuple[int | None, int | None],
     agents: Collection[str] = (),
 ) -> Window:
@@ -132,16 +130,12 @@ def choose_window(
     from_ns, until_ns = span
     names = sorted(agents or {agent.name for agent in record.plan.agents}, key=natural_key)
     everything = Window(0, record.last_ns, tuple(names))
-    starts = sorted(
-        frame.start_ns
-        for frames in fates.values()
-        for frame in frames
-        if frame.start_ns is not None and everything.shows(frame)
-    )
+    everybodys = [frame for frames in frame_fates(record).values() for frame in frames]
+    starts = sorted(frame.start_ns for frame in everybodys if frame.start_ns is not None and everything.shows(frame))
     first, last = _about(starts, record, max(_FIRST_FRAMES, _FRAMES_PER_AGENT * len(names)), span)
     begin, end = first if from_ns is None else from_ns, last if until_ns is None else until_ns
     window = Window(begin, max(end, begin + 1), tuple(names))
-    count = sum(window.shows(frame) for frames in fates.values() for frame in frames)
+    count = sum(map(window.shows, everybodys))
     if count > MOST_FRAMES:
         raise BadInput(
             f"{count:,} frames are in the window, more than {MOST_FRAMES:,} cannot be told apart: "
@@ -167,13 +161,11 @@ def _about(starts: Sequence[int], record: Record, count: int, span: tuple[int | 
     return starts[begin], starts[end] if end < len(starts) else record.last_ns
 
 
-def draw_space_time(
-    axes: Axes, record: Record, fates: Mapping[LinkName, Sequence[FrameFate]], window: Window
-) -> list[Line2D]:
+def draw_space_time(axes: Axes, record: Record, window: Window) -> list[Line2D]:
     """Draw a window into axes; the marks that occur, for a legend."""
     unit, name = (1e6, "ms") if window.until_ns - window.from_ns < _MILLISECONDS else (1e9, "s")
     lanes = {agent: -row for row, agent in enumerate(window.agents)}
-    shown = [frame for frames in fates.values() for frame in frames if window.shows(frame)]
+    shown = [frame for frames in frame_fates(record).values() for frame in frames if window.shows(frame)]
     for lane in lanes.values():
         axes.axhline(lane, color=GREY, linewidth=0.6, zorder=0.5)
     _draw_bars(axes, shown, lanes, unit)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 from ...agents.journal import Arrived, Batch, Dropped, Heard, Late, Released, Sent
 from ...transport.faults import Kill, LinkName
@@ -103,8 +104,20 @@ class FrameFate(NamedTuple):
         return self.due_ns - self.start_ns - self.airtime_ns + (self.late_ns or 0)
 
 
-def frame_fates(record: Record) -> dict[LinkName, list[FrameFate]]:
-    """Every frame of each directed link, in the order of incarnation and sequence number; without those on wires."""
+Fates = Mapping[LinkName, Sequence[FrameFate]]
+"""Directed link → its frames, in the order of incarnation and sequence number."""
+_KNOWN: WeakKeyDictionary[Record, Fates] = WeakKeyDictionary()
+"""Those of each record, for as long as anybody holds it: tables and figures ask for them again and again."""
+
+
+def frame_fates(record: Record) -> Fates:
+    """Every frame of each directed link; without those on wires."""
+    if record not in _KNOWN:
+        _KNOWN[record] = _joined(record)
+    return _KNOWN[record]
+
+
+def _joined(record: Record) -> Fates:
     journals: defaultdict[_LinkLife, _LinkJournal] = defaultdict(_LinkJournal)
     for batch in record.batches.values():
         for source, number, name, entry in _entries(batch):

@@ -32,7 +32,7 @@ Life = tuple[str, int]
 """An agent and its incarnation."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Record:
     """One run. `batches` holds one batch for each agent and incarnation; `info` is what run.json says.
 

@@ -12,7 +12,6 @@ import pytest
 from volery.agents.journal import Arrived, Batch, Released
 from volery.agents.plan import Plan
 from volery.experiments.analysis.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
-from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
 from volery.transport.links import LinkSettings
 from volery.transport.losses import Bernoulli
@@ -24,7 +23,7 @@ Make = Callable[..., Any]
 
 def course_of(record: Record) -> AgeCourse:
     """The age of information at "2" of "1"."""
-    return age_courses(record, frame_fates(record))[LINK]
+    return age_courses(record)[LINK]
 
 
 def test_age_falls_to_the_travel_time_at_each_delivery(record_of: Make, sent: Make, heard: Make) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from volery.agents.journal import Arrived, Batch, Heard, Sent
 from volery.agents.plan import Plan
-from volery.experiments.analysis.airtime import airtime_utilisation
+from volery.experiments.analysis.accounting import airtime_utilisation
 from volery.experiments.analysis.channels import Channel, channels
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.frame_fates import frame_fates
@@ -54,7 +54,7 @@ def everything(plan_of: Make, twin_run: TwinRun, runs: dict[str, Record]) -> Rec
 
 def of_link(record: Record) -> Channel:
     """What was asked of 1→2 and what was got."""
-    return channels(record, frame_fates(record))[LINK]
+    return channels(record)[LINK]
 
 
 def decisions(record: Record) -> dict[str, str]:
@@ -129,7 +129,7 @@ def test_settings_are_read_when_the_transmission_starts(plan_of: Make, twin_run:
     fault = LinkFault("t1", 500 * MS, None, (LINK,), {"loss": (Bernoulli(1.0),)})
     cut = LinkFault("t2", 500 * MS, None, (LINK[::-1],), {"cut": True})
     record = twin_run(plan_of([LINK], 1000, settings=links, faults=(fault, cut)))
-    found = channels(record, frame_fates(record))
+    found = channels(record)
     one, back = found[LINK], found[LINK[::-1]]
     assert one.frames == 19  # sent 1 ms after 50, 100, … 950 ms
     assert one.loss.asked == one.loss.got == pytest.approx(10 / 19)
@@ -195,7 +195,7 @@ def test_airtime_of_each_medium(plan_of: Make, medium: Medium, used: dict[str, f
     collector(Batch("2", 0, sent=[Sent("1", 0, 30, 500 * MS, 30 * MS, 535 * MS, "delivered")]))
     collector.event({"event": "finished", "time_ns": 1000 * MS})
     record = collector.record(plan_of([LINK, ("1", "3")], settings=LinkSettings(medium=medium)))
-    assert airtime_utilisation(record, frame_fates(record)) == pytest.approx(used)
+    assert airtime_utilisation(record) == pytest.approx(used)
 
 
 @pytest.mark.parametrize(("late_ms", "decision"), [(0, "within"), (1, "within"), (38, "outside")])

@@ -19,7 +19,6 @@ from volery.agents.journal import Batch, Estimate
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis import export
-from volery.experiments.analysis.accounting import account
 from volery.experiments.analysis.ages import age_courses, age_metrics
 from volery.experiments.figures import run_figures as figures
 from volery.experiments.record.frame_fates import frame_fates
@@ -116,7 +115,7 @@ def test_disagreement_shades_the_faults(record: Record) -> None:
 def test_links_show_what_came_through(record: Record) -> None:
     """A row for the sender and a column for the receiver, in per cent; where there is no link there is no value."""
     figure = Figure()
-    figures.draw_links(record, account(record), figure)
+    figures.draw_links(record, figure)
     array = figure.axes[0].images[0].get_array()
     assert array is not None
     shown = np.ma.filled(array, np.nan)
@@ -128,8 +127,8 @@ def test_links_show_what_came_through(record: Record) -> None:
 def test_ages_peak_in_the_cut(record: Record) -> None:
     """All links, their median and the oldest, in ms: 1–2 is cut for 0.2 s and hears nothing new."""
     figure = Figure()
-    ages = age_courses(record, frame_fates(record))
-    figures.draw_ages(record, ages, figure)
+    ages = age_courses(record)
+    figures.draw_ages(record, figure)
     (axes,) = figure.axes
     assert (axes.get_yscale(), axes.get_ylabel()) == ("log", "age of information (ms)")
     median, oldest = (np.asarray(line.get_ydata(), dtype=float) for line in axes.lines)

@@ -30,7 +30,7 @@ Make = Callable[..., Any]
 def drawn(record: Record, until_ms: int = 100) -> tuple[Axes, list[Line2D]]:
     """The axes of the diagram of the first so many milliseconds, and the marks of its legend."""
     axes = Figure().subplots()
-    return axes, draw_space_time(axes, record, frame_fates(record), Window(0, until_ms * MS, ("1", "2")))
+    return axes, draw_space_time(axes, record, Window(0, until_ms * MS, ("1", "2")))
 
 
 def marks(axes: Axes, shape: str) -> list[tuple[float, float]]:
@@ -122,7 +122,7 @@ def frames_in(record: Record, window: Window) -> int:
 
 def test_window_is_chosen_about_the_first_fault(record: Record) -> None:
     """Some forty frames, most of them after its start."""
-    window = choose_window(record, frame_fates(record), (None, None))
+    window = choose_window(record, (None, None))
     assert window.from_ns < 5000 * MS < window.until_ns
     assert 5000 * MS - window.from_ns < window.until_ns - 5000 * MS
     assert 36 <= frames_in(record, window) <= 44
@@ -131,14 +131,13 @@ def test_window_is_chosen_about_the_first_fault(record: Record) -> None:
 
 def test_open_ends_of_a_window_are_chosen(record: Record) -> None:
     """What is given holds; some forty frames after the beginning, or before the end."""
-    told = frame_fates(record)
-    later = choose_window(record, told, (2000 * MS, None))
+    later = choose_window(record, (2000 * MS, None))
     assert later.from_ns == 2000 * MS
     assert 36 <= frames_in(record, later) <= 44
-    earlier = choose_window(record, told, (None, 2000 * MS))
+    earlier = choose_window(record, (None, 2000 * MS))
     assert earlier.until_ns == 2000 * MS
     assert 36 <= frames_in(record, earlier) <= 44
-    both = choose_window(record, told, (2000 * MS, 2050 * MS), ["2", "1"])
+    both = choose_window(record, (2000 * MS, 2050 * MS), ["2", "1"])
     assert both == Window(2000 * MS, 2050 * MS, ("1", "2"))
     assert frames_in(record, both) == 2
 
@@ -149,7 +148,7 @@ def test_more_frames_than_can_be_told_apart(plan_of: Make, twin_run: Callable[[P
     count = sum(map(len, frame_fates(record).values()))
     assert count > MOST_FRAMES
     with pytest.raises(BadInput, match=rf"{count:,} frames are in the window.*narrow it with --from"):
-        choose_window(record, frame_fates(record), (0, record.last_ns))
+        choose_window(record, (0, record.last_ns))
 
 
 def test_files_with_fonts_that_journals_take(tmp_path: Path, record: Record) -> None:
