@@ -91,22 +91,22 @@ def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = Fals
     return plan
 
 
-def encode_value(value: Any) -> Any:
+def encode_value(value: Any, store: Store | None = None) -> Any:
     """A value as it stands in a plan, such as a live fault: plain values for JSON and MessagePack.
 
     Raises:
         BadInput: it has no encoding.
     """
-    return _Encoder({}, None).value(value, "value")
+    return _Encoder({}, store).value(value, "value")
 
 
-def decode_value(encoded: Any, *, only_read: bool = False) -> Any:
-    """The value that `encode_value` was given; `only_read` as in `decode_plan`.
+def decode_value(encoded: Any, fetch: Fetch | None = None, *, only_read: bool = False) -> Any:
+    """The value that `encode_value` was given; `fetch` and `only_read` as in `decode_plan`.
 
     Raises:
         BadInput: a class that is not there.
     """
-    return _Decoder(None, only_read=only_read).value(encoded)
+    return _Decoder(fetch, only_read=only_read).value(encoded)
 
 
 class _Encoder:

@@ -42,6 +42,7 @@ from .swarm.live_faults import Injector
 from .swarm.status import Status, WatchedSink
 from .swarm.supervisor import Ending, Swarm
 from .twin import Twin
+from .whole_files import write_whole
 
 Engine = Literal["zenoh", "twin"]
 FLUSH_EVERY_S = 0.2
@@ -233,7 +234,4 @@ def _info(plan: Plan, options: Options) -> dict[str, Any]:
 
 
 def _write_info(folder: Path, info: dict[str, Any]) -> None:
-    path = folder / INFO_FILE
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(info, indent=2), "utf-8")
-    partial.replace(path)
+    write_whole(folder / INFO_FILE, json.dumps(info, indent=2))

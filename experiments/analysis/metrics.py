@@ -27,6 +27,7 @@ from ..evaluation.evaluation_result import EvaluationResult
 from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
+from ..whole_files import write_whole
 from .accounting import LinkAccount, account, airtime_utilisation
 from .ages import AgeMetrics, age_courses, age_metrics
 from .channels import Channel, channels
@@ -190,7 +191,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
 def write_metrics(record: Record, folder: Path, threshold: float | None = None) -> Metrics:
     """Compute the metrics of a run and leave them in its folder as metrics.json."""
     metrics = compute_metrics(record, threshold)
-    (folder / FILE_NAME).write_text(metrics.to_json() + "\n", "utf-8")
+    write_whole(folder / FILE_NAME, metrics.to_json() + "\n")
     return metrics
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...agents.plan_codec import decode_value, encode_value
 from ...errors import BadInput
 from ...quantities import Component, Floats, Role
+from ..whole_files import whole_file
 from .evaluation import Finding
 
 Whole = NDArray[np.int64]
@@ -96,31 +97,16 @@ class EvaluationResult:
 
 def save_evaluation(result: EvaluationResult, path: Path) -> None:
     """Write an evaluation to a file, whole or not at all."""
-    arrays: list[NDArray[Any]] = []
-    about = json.dumps({"version": VERSION, **_plain(result, arrays)})
-    partial = path.with_suffix(".partial")
-    named = {_ABOUT: np.array(about), **{str(number): array for number, array in enumerate(arrays)}}
-    with partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **named)
-    partial.replace(path)
+    large: dict[str, NDArray[np.uint8]] = {}
 
+    def store(data: bytes) -> str:
+        name = str(len(large))
+        large[name] = np.frombuffer(data, np.uint8)
+        return name
 
-def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Plain values, with {"array": number} for each array, which is appended to `arrays`.
-
-    Arrays by name are one below the other in one array, where what they have in common takes no room when compressed.
-    """
-    if isinstance(value, np.ndarray):
-        arrays.append(value)
-        return {"array": len(arrays) - 1}
-    if isinstance(value, Mapping) and value and all(isinstance(item, np.ndarray) for item in value.values()):
-        arrays.append(np.concatenate(list(value.values())))
-        return {"array": len(arrays) - 1, "lengths": {key: len(item) for key, item in value.items()}}
-    if isinstance(value, Mapping):
-        return {key: _plain(item, arrays) for key, item in value.items()}
-    if is_dataclass(value):
-        return {key: _plain(item, arrays) for key, item in vars(value).items()}
-    return [_plain(item, arrays) for item in value] if isinstance(value, tuple) else value
+    about = json.dumps({"version": VERSION, "result": encode_value(result, store)})
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{_ABOUT: np.array(about)}, **large)
 
 
 def load_evaluation(path: Path) -> EvaluationResult | None:
@@ -132,39 +118,11 @@ def load_evaluation(path: Path) -> EvaluationResult | None:
     try:
         with path.open("rb") as opened, np.load(opened) as file:
             about = json.loads(str(file[_ABOUT]))
-            if about.pop("version") != VERSION:
+            if about["version"] != VERSION:
                 raise BadInput(f"{path} is of another version of volery: `volery evaluate` makes it anew")
-            return _result(_filled(about, file))
+            result: EvaluationResult = decode_value(about["result"], lambda name: file[name].tobytes(), only_read=True)
+            return result
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise BadInput(f"{path} is damaged ({error}): `volery evaluate` makes it anew") from error
-
-
-def _filled(value: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """The values that `_plain` was given, with tuples as lists and dataclasses as mappings."""
-    if isinstance(value, dict):
-        if isinstance(number := value.get("array"), int):
-            array, lengths = arrays[str(number)], value.get("lengths")
-            if lengths is None:
-                return array
-            return dict(zip(lengths, np.split(array, np.cumsum([*lengths.values()])[:-1]), strict=True))
-        return {key: _filled(item, arrays) for key, item in value.items()}
-    return [_filled(item, arrays) for item in value] if isinstance(value, list) else value
-
-
-def _result(fields: dict[str, Any]) -> EvaluationResult:
-    def places(of: dict[str, Any] | None) -> Places | None:
-        return None if of is None else Places(**{**of, "names": tuple(of["names"])})
-
-    def quantity(of: dict[str, Any]) -> EvaluatedQuantity:
-        named = {name: tuple(Component(*one) for one in of[name]) for name in ("components", "difference_components")}
-        return EvaluatedQuantity(**{**of, **named})
-
-    return EvaluationResult(
-        {name: quantity(of) for name, of in fields["quantities"].items()},
-        tuple(Finding(**of) for of in fields["findings"]),
-        places(fields["places"]),
-        {name: view for name, of in fields["views"].items() if (view := places(of)) is not None},
-        places(fields["followed"]),
-    )

@@ -12,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from ...agents.loaded_sources import MAIN, loaded_sources
+from ..whole_files import write_whole
 from .run_files import MANIFEST_FILE, SOURCES_FOLDER
 
 _DATA = "data"
@@ -39,7 +40,7 @@ def keep_sources(folder: Path, sources: Mapping[str, str], data: Iterable[Path] 
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
         manifest[place] = {"sha256": _hash(content), "from": str(original.absolute())}
-    (folder / MANIFEST_FILE).write_text(json.dumps(manifest, indent=1), "utf-8")
+    write_whole(folder / MANIFEST_FILE, json.dumps(manifest, indent=1))
 
 
 def changed_sources(folder: Path) -> Iterator[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ...agents.plan import Plan
 from ...agents.plan_codec import decode_plan, encode_plan
 from ...errors import BadInput
+from ..whole_files import write_whole
 from .run_files import PLAN_FILE, SCENARIO_FILE
 
 _OLDER = (
@@ -29,7 +30,7 @@ def write_plan(folder: Path, plan: Plan, modules: Mapping[str, str] | None = Non
         (folder / name).write_bytes(data)
         return name
 
-    (folder / PLAN_FILE).write_text(encode_plan(plan, modules, store), "utf-8")
+    write_whole(folder / PLAN_FILE, encode_plan(plan, modules, store))
 
 
 def read_plan(folder: Path, *, only_read: bool = False) -> Plan:

@@ -18,6 +18,7 @@ from ...transport import zenoh_session as zs
 from ...transport.keys import CONTROL_CLIENT, Keys
 from ..record.run_files import CONTROL_FILE
 from ..scenario.fault_labels import in_words
+from ..whole_files import whole_file
 from .live_faults import Injector
 from .supervisor import Swarm
 
@@ -39,10 +40,9 @@ class ControlServer:
         serving = self._swarm.session.declare_queryable(keys.supervisor(), inbox.push)
         control = folder / CONTROL_FILE
         password = self._swarm.passwords[CONTROL_CLIENT]
-        partial = control.with_suffix(".partial")
-        partial.touch(mode=0o600)
-        partial.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
-        partial.replace(control)
+        with whole_file(control) as partial:
+            partial.touch(mode=0o600)
+            partial.write_text(json.dumps({"run": keys.run, "endpoint": self._swarm.endpoint, "password": password}))
         try:
             while True:
                 query = await self._requests.get()

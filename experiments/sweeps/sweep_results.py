@@ -23,6 +23,7 @@ from ...errors import BadInput
 from ..analysis.export import write_parquet
 from ..record.encoding import dump, tag, untag
 from ..record.run_files import SWEEP_FILE
+from ..whole_files import whole_file, write_whole
 from .sweep_plan import SweepPlan, SweptCell
 from .sweep_runs import Values
 
@@ -107,9 +108,8 @@ def table_rows(sweep: Sweep) -> Iterator[tuple[Any, ...]]:
 def write_table(sweep: Sweep) -> Path:
     """Write the table as Parquet; a table that was there is replaced in one step."""
     path = sweep.folder / TABLE_FILE
-    partial = path.with_suffix(".partial")
-    write_parquet(partial, columns(sweep), table_rows(sweep))
-    partial.replace(path)
+    with whole_file(path) as partial:
+        write_parquet(partial, columns(sweep), table_rows(sweep))
     return path
 
 
@@ -223,10 +223,7 @@ def _rows(folder: Path, text: bytes, plan: SweepPlan) -> list[Row]:
 
 
 def _write_definition(folder: Path, plan: SweepPlan, repeat: int) -> None:
-    path = folder / SWEEP_FILE
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps({"repeat": repeat, **plan.to_json()}, indent=1, ensure_ascii=False), "utf-8")
-    partial.replace(path)
+    write_whole(folder / SWEEP_FILE, json.dumps({"repeat": repeat, **plan.to_json()}, indent=1, ensure_ascii=False))
 
 
 def _definition(folder: Path) -> tuple[SweepPlan, int]:
