@@ -16,7 +16,7 @@ from ..errors import BadInput
 from ..estimators.information import pack_symmetric
 from ..quantities import covariance_name
 from ..randomness import Stream, stream
-from ..transport.media import AIR
+from ..transport.media_settings import AIR
 
 if TYPE_CHECKING:
     from .plan import Plan, PublicPlan

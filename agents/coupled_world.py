@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInput
 from ..transport.faults import Fault
-from ..transport.latencies import Constant
+from ..transport.latency_settings import Constant
 from ..transport.links import LinkSettings
 from ..units import period_ns
 from .agent import Agent, Apply, Context, ContextState, Received, Sample, Send, Timer

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..transport.events import DATA, FOREVER_NS, HANDLER, OVER_NS, SOURCE, TIME
 from ..transport.faults import Fault, Kill, LinkFault, kills_of
 from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
-from ..transport.media import AIR
+from ..transport.media_settings import AIR
 from ..transport.promises import NeighbourPromises, lookahead_segments
 from .mailbox import Mailbox
 from .node import Node

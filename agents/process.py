@@ -26,7 +26,7 @@ from ..transport import zenoh_session as zs
 from ..transport.events import Event
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
-from ..transport.media import AIR, on_air
+from ..transport.media_settings import AIR, on_air
 from .loaded_sources import loaded_sources
 from .lockstep import Lockstep
 from .node import Node

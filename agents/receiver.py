@@ -9,7 +9,8 @@ from heapq import heappush
 from ..transport.events import DATA, FRAME, HANDLER, SOURCE, TIME, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import DELIVERED, fate
-from ..transport.media import AIR, Ether
+from ..transport.media import Ether
+from ..transport.media_settings import AIR
 from .journal import LAST_HEARD, MISSED, Arrived, Heard, Late, Released
 from .node_state import NodeState
 from .sender import Sender

@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterable, Mapping
 from ..randomness import stream
 from ..topologies import natural_key
 from ..transport.clock import Clock
-from ..transport.csma import Contention, Csma
+from ..transport.csma import Contention
+from ..transport.directed_link import DirectedLink
 from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, SOURCE, TIME, TRANSMIT, Event
 from ..transport.frames import AirFrame, Frame, Message
 from ..transport.links import ACCESS, DELIVERED, LinkSettings
-from ..transport.media import AIR, Ether, HalfDuplex, on_air
+from ..transport.media import Ether
+from ..transport.media_settings import AIR, Csma, HalfDuplex, on_air
 from ..transport.propagation import Copy, Propagation
-from ..transport.stages import Surroundings
 from ..transport.transmitter import Transmission, Transmitter
 from .journal import Dropped, Sent
 from .node_state import NodeState
@@ -256,8 +257,8 @@ class Sender:
             self._state.journal.events.append({"event": "queued", "target": target, "sequences": sequences})
 
 
-def _surroundings(state: NodeState, plan: Plan, target: str) -> Surroundings:
-    return Surroundings.of(
+def _surroundings(state: NodeState, plan: Plan, target: str) -> DirectedLink:
+    return DirectedLink.of(
         plan.seed, state.name, target, state.incarnation, lambda time_ns: plan.distance_m(state.name, target, time_ns)
     )
 

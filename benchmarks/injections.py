@@ -16,7 +16,7 @@ from volery.experiments.record.record import Collector, Record
 from volery.experiments.swarm.control_server import ControlServer
 from volery.experiments.swarm.live_faults import Injector
 from volery.transport.keys import Keys
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 
 _WARM_S, _LOOK_S, _LONGEST_S, _LASTS = 1.0, 0.01, 0.6, "60 ms"

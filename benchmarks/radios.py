@@ -16,7 +16,7 @@ import simpy
 from volery.experiments.record.record import Collector
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin
-from volery.transport.csma import Csma
+from volery.transport.media_settings import Csma
 
 PAYLOAD_BYTES, OVERHEAD_BYTES, RATE = 40, 17, 250_000
 FRAME_BYTES = PAYLOAD_BYTES + OVERHEAD_BYTES

@@ -11,7 +11,7 @@ from shapes import SECOND_NS, phase_ns, ring
 from swarms import Collected, full_pipeline, pulses
 
 from volery.experiments.twin import Twin
-from volery.transport.latencies import Normal
+from volery.transport.latency_settings import Normal
 
 DEGREE = 4
 RATE = 50.0

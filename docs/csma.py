@@ -20,7 +20,7 @@ from volery.experiments.figures.run_figures import BLACK, BLUE, COLUMN_IN, GREEN
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
-from volery.transport.csma import Csma
+from volery.transport.media_settings import Csma
 
 Floats = NDArray[np.float64]
 

@@ -12,16 +12,18 @@ from matplotlib.figure import Figure
 from space_time import MS, WIDTH_IN, counts, frames, legend, settings_of, simulate, space_time
 
 from volery.experiments.figures.run_figures import BLACK, BLUE, SKY, VERMILION
-from volery.transport.latencies import Latency
-from volery.transport.losses import Loss
-from volery.transport.stages import Surroundings
+from volery.transport.directed_link import DirectedLink
+from volery.transport.latency_settings import Latency
+from volery.transport.latency_stages import latency_stage
+from volery.transport.loss_settings import Loss
+from volery.transport.loss_stages import loss_stage
 
 # -- loss ---------------------------------------------------------------------------------------------------------
 
 
 def lost(model: Loss, count: int, link: str = "2", every_ns: int = 10_000_000) -> list[bool]:
     """Which of so many frames a model loses, on the link from 1 to `link`."""
-    stage = model.stage(Surroundings.of(1, "1", link))
+    stage = loss_stage(model, DirectedLink.of(1, "1", link))
     return [stage.lost(index, index * every_ns, 400) for index in range(count)]
 
 
@@ -95,7 +97,7 @@ def bit_error(figure: Figure) -> Iterator[str]:
         (model,) = settings_of(f"links.loss={{bit-error: {rate:.0e}}}".replace("1e", "1.0e")).loss
         found = []
         for length in bits.tolist():
-            stage = model.stage(Surroundings.of(1, "1", "2"))
+            stage = loss_stage(model, DirectedLink.of(1, "1", "2"))
             found.append(statistics.fmean(stage.lost(index, 0, length) for index in range(10_000)))
         axes.semilogx(bits / 8, found, marker, ms=4, color=colour, label=f"one bit in {1 / rate:,.0f}")
         axes.semilogx(bits / 8, 1 - (1 - rate) ** bits, color=colour)
@@ -174,7 +176,7 @@ def corruption(figure: Figure) -> Iterator[str]:
 
 def delays(model: Latency, count: int) -> list[float]:
     """Latencies of so many frames on one link [ms]."""
-    stage = model.stage(Surroundings.of(1, "1", "2"))
+    stage = latency_stage(model, DirectedLink.of(1, "1", "2"))
     return [stage(index, index * 10_000_000) / MS for index in range(count)]
 
 

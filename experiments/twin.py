@@ -13,7 +13,7 @@ from ..agents.sender import Put
 from ..transport import fabric
 from ..transport.events import DATA, FAULT, TIME, Event
 from ..transport.frames import Message, decode, encode
-from ..transport.media import AIR
+from ..transport.media_settings import AIR
 from .record.evaluation_pass import evaluated
 from .record.machine import one_blas_thread
 from .record.record import Collector, Record

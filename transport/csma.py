@@ -8,49 +8,9 @@ within its turnaround, or because they do not hear each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from ..errors import BadInput
 from ..randomness import Stream
-from ..units import Nanoseconds
 from .events import FOREVER_NS
-
-_MICROSECOND_NS = 1_000
-_ATTEMPTS = 16
-"""Number of random draws reserved for each frame."""
-
-
-@dataclass(frozen=True)
-class Csma:
-    """Parameters of carrier sense, by default those of the standard with the 16 µs symbols of the 2450 MHz band.
-
-    min_be: macMinBE, smallest backoff exponent.
-    max_be: macMaxBE, largest backoff exponent.
-    max_backoffs: macMaxCSMABackoffs, attempts after the first.
-    period: aUnitBackoffPeriod, 20 symbols by default.
-    cca: duration of the clear channel assessment, 8 symbols by default.
-    turnaround: aTurnaroundTime, 12 symbols by default.
-    """
-
-    min_be: int = 3
-    max_be: int = 5
-    max_backoffs: int = 4
-    period: Nanoseconds = 320 * _MICROSECOND_NS
-    cca: Nanoseconds = 128 * _MICROSECOND_NS
-    turnaround: Nanoseconds = 192 * _MICROSECOND_NS
-
-    def __post_init__(self) -> None:
-        """Check the bounds."""
-        if not 0 <= self.min_be <= self.max_be <= 30:
-            raise BadInput(f"min_be is {self.min_be} and max_be {self.max_be}: write 0 ≤ min_be ≤ max_be ≤ 30")
-        if not 0 <= self.max_backoffs < _ATTEMPTS:
-            raise BadInput(f"max_backoffs is {self.max_backoffs}, it is at least 0 and below {_ATTEMPTS}")
-        if self.period < 1 or self.cca < 1 or self.turnaround < 1:
-            raise BadInput("period, cca and turnaround are above 0")
-
-    def earliest_start(self, ready_ns: int, airtime_ns: int, slot: int, slots: int) -> int:
-        """Earliest start of a frame that is not offered before `ready_ns`, which is that without backoff."""
-        return ready_ns + self.cca + self.turnaround
+from .media_settings import ACCESS_ATTEMPTS, Csma
 
 
 class Contention:
@@ -90,7 +50,7 @@ class Contention:
         return self._wait(now_ns)
 
     def _wait(self, now_ns: int) -> int:
-        draw = self._draws.uniform(self._frames * _ATTEMPTS + self._attempt)
+        draw = self._draws.uniform(self._frames * ACCESS_ATTEMPTS + self._attempt)
         self.sense_ns = now_ns + int(draw * 2**self._exponent) * self.access.period + self.access.cca
         return self.sense_ns
 

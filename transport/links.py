@@ -13,10 +13,9 @@ from typing import Annotated, Literal
 
 from ..errors import BadInput
 from ..units import BitsPerSecond, Bytes, Count, Nanoseconds, Probability
-from .latencies import LATENCIES, Constant, Latency
-from .losses import Losses
-from .media import MEDIA, FullDuplex, Medium
-from .probabilities import check_probability
+from .latency_settings import LATENCIES, Constant, Latency
+from .loss_settings import Losses, check_probability
+from .media_settings import MEDIA, FullDuplex, Medium
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_TRAVEL_NS = 1

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .latencies import Latency, LatencyStage
+from .directed_link import DirectedLink
+from .latency_settings import Latency
+from .latency_stages import LatencyStage, latency_stage
 from .links import CORRUPT, CUT, DELIVERED, LOST, SHORTEST_TRAVEL_NS, LinkSettings
-from .losses import loss_stages
-from .stages import Surroundings
+from .loss_stages import loss_stages
 
 
 class Copy(NamedTuple):
@@ -27,37 +28,37 @@ class Propagation:
     """Propagation to one target: a state machine without a clock. It also numbers the link's frames."""
 
     __slots__ = (
-        "_around",
         "_corruptions",
         "_duplicates",
         "_last_due",
         "_latencies",
         "_link",
         "_losses",
+        "_present",
         "next_sequence",
         "settings",
         "target",
     )
 
-    def __init__(self, target: str, around: Surroundings, settings: LinkSettings) -> None:
+    def __init__(self, target: str, link: DirectedLink, settings: LinkSettings) -> None:
         self.target = target
         self.settings = settings
         self.next_sequence = 0
-        self._link = around
+        self._link = link
         self._last_due = 0
         self._begin()
 
     def _begin(self) -> None:
         settings = self.settings
-        self._around = around = self._link if settings.paired is None else self._link.by_slots()
-        self._losses = loss_stages(settings.loss, around)
-        self._corruptions = loss_stages(settings.corruption, around, "corruption")
-        self._duplicates = around.stream("duplication")
+        self._present = present = self._link if settings.paired is None else self._link.by_slots()
+        self._losses = loss_stages(settings.loss, present)
+        self._corruptions = loss_stages(settings.corruption, present, "corruption")
+        self._duplicates = present.stream("duplication")
         self._latencies = self._pipes(settings.latency)
 
     def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
         """Latency stages of the frames, and of their duplicates."""
-        return model.stage(self._around), model.stage(self._around.within("duplicate"))
+        return latency_stage(model, self._present), latency_stage(model, self._present.within("duplicate"))
 
     def change(self, settings: LinkSettings) -> None:
         """Apply new settings; models that do not change keep their state."""
@@ -66,9 +67,9 @@ class Propagation:
             self._begin()
             return
         if settings.loss != before.loss:
-            self._losses = loss_stages(settings.loss, self._around)
+            self._losses = loss_stages(settings.loss, self._present)
         if settings.corruption != before.corruption:
-            self._corruptions = loss_stages(settings.corruption, self._around, "corruption")
+            self._corruptions = loss_stages(settings.corruption, self._present, "corruption")
         if settings.latency != before.latency:
             self._latencies = self._pipes(settings.latency)
 

@@ -4,20 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..errors import BadInput
 from ..randomness import Stream
-
-SHORTEST_MEAN_NS = 100_000
-
-
-def check_mean(name: str, mean_ns: int) -> None:
-    """Refuse mean sojourns that are practically independent losses, and slow to simulate.
-
-    Raises:
-        BadInput: below 100 us.
-    """
-    if mean_ns < SHORTEST_MEAN_NS:
-        raise BadInput(f"{name} is {mean_ns} ns, it must be at least 100 us: what changes faster is bernoulli")
 
 
 class Sojourns:

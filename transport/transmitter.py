@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from .clock import Clock
-from .csma import Csma
 from .links import LinkSettings, duration_ns
-from .media import EDGE_SLOTS, FullDuplex, HalfDuplex, Transceiver
+from .media import Transceiver, earliest_start
+from .media_settings import EDGE_SLOTS, Csma, FullDuplex, HalfDuplex
 from .propagation import Copy, Propagation
 
 Numbered = tuple[tuple[str, int], ...]
@@ -162,9 +162,9 @@ class Transmitter:
             return ready
         airtime = settings.airtime_ns(payload_bytes)
         if self._clock.true or isinstance(medium.access, Csma):
-            return medium.access.earliest_start(ready, airtime, self._slot, self._slots)
+            return earliest_start(medium.access, ready, airtime, self._slot, self._slots)
         first_reading = self._clock.first_reading(ready)
-        start = medium.access.earliest_start(first_reading, airtime, self._slot, self._slots)
+        start = earliest_start(medium.access, first_reading, airtime, self._slot, self._slots)
         return self._clock.when(start, ready)
 
     @staticmethod

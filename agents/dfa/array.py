@@ -8,7 +8,8 @@ from itertools import chain
 from ...estimators.flying_array.least_squares import noncollinear
 from ...topologies import natural_key
 from ...transport.links import LinkSettings
-from ...transport.media import EDGE_SLOTS, FullDuplex
+from ...transport.media import earliest_start
+from ...transport.media_settings import EDGE_SLOTS, FullDuplex
 from ...units import period_ns
 from ..plan import Plan
 from .dfa_settings import DfaParameters
@@ -83,7 +84,7 @@ def _behind(plan: Plan, parameters: DfaParameters, compute_ns: int, settings: Li
             ready_ns = period_ns(parameters.round_rate, number) + phase_ns + compute_ns
             start_ns = ready_ns
             if not isinstance(settings.medium, FullDuplex):
-                start_ns = settings.medium.access.earliest_start(ready_ns, airtime_ns, int(second), EDGE_SLOTS)
+                start_ns = earliest_start(settings.medium.access, ready_ns, airtime_ns, int(second), EDGE_SLOTS)
             due_ns = start_ns + airtime_ns + int(settings.latency.mean_ns)
             latest = max(latest, due_ns - period_ns(parameters.round_rate, number + 1))
     return latest

@@ -17,7 +17,7 @@ import numpy as np
 from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED
-from ...transport.media import HalfDuplex, Medium, on_air
+from ...transport.media_settings import HalfDuplex, Medium, on_air
 from ..record.frame_fates import (
     IN_FLIGHT,
     MISSING,

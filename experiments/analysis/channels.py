@@ -13,16 +13,17 @@ from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
+from ...transport.directed_link import DirectedLink
 from ...transport.faults import LinkFault, LinkName, effective
 from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
-from ...transport.losses import expected_loss, loss_stages, loss_variance
-from ...transport.media import on_air
-from ...transport.stages import Surroundings
+from ...transport.loss_settings import loss_variance
+from ...transport.loss_stages import expected_loss, loss_stages
+from ...transport.media_settings import on_air
 from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
 from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
 
-_Place = Callable[[int], Surroundings]
+_Place = Callable[[int], DirectedLink]
 _ROUNDING_NS = 1.0
 _WALL_CLOCK_NS = 1e6
 """A process wakes up and is scheduled to about a millisecond: by so much a mean latency may be off in realtime pace."""
@@ -110,7 +111,7 @@ def _place(record: Record, link: LinkName) -> _Place:
     def distance_m(time_ns: int) -> float:
         return plan.distance_m(source, target, time_ns)
 
-    return lambda incarnation: Surroundings.of(plan.seed, source, target, incarnation, distance_m)
+    return lambda incarnation: DirectedLink.of(plan.seed, source, target, incarnation, distance_m)
 
 
 def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:

@@ -11,9 +11,9 @@ from rich.table import Table
 
 from ...agents.plan import Plan
 from ...topologies import natural_key
-from ...transport.latencies import LATENCIES
-from ...transport.losses import LOSSES, Loss
-from ...transport.media import ACCESSES, FullDuplex
+from ...transport.latency_settings import LATENCIES
+from ...transport.loss_settings import LOSSES, Loss
+from ...transport.media_settings import ACCESSES, FullDuplex
 from ...units import quantity
 from ..scenario.dumping import settings as plain_settings
 from ..scenario.link_groups import LinkGroup, fault_words

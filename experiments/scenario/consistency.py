@@ -10,8 +10,8 @@ from ...agents.plan import Plan
 from ...errors import BadInput
 from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ...transport.links import LinkSettings
-from ...transport.losses import Distance
-from ...transport.media import ACCESSES, EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
+from ...transport.loss_settings import Distance
+from ...transport.media_settings import ACCESSES, EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
 from .expansion import entry_index
 from .yaml_document import Loc, Problem
 

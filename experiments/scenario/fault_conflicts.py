@@ -10,7 +10,7 @@ from ...agents import registry
 from ...agents.plan import Plan
 from ...topologies import natural_key
 from ...transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, LinkName, Pause, SensorFault, effective
-from ...transport.media import on_air
+from ...transport.media_settings import on_air
 from .expansion import entry_index, entry_of
 from .timeline import FaultEntry
 from .yaml_document import Problem

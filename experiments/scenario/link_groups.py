@@ -12,7 +12,7 @@ from ...agents.plan import Plan
 from ...topologies import Span, natural_key
 from ...transport.faults import LinkFault, LinkName
 from ...transport.links import LinkSettings
-from ...transport.media import HalfDuplex, Tdma, on_air
+from ...transport.media_settings import HalfDuplex, Tdma, on_air
 from ...units import quantity
 from .consistency import slots_of
 from .dumping import settings as plain_settings

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 from pydantic import BaseModel, Field, create_model
 
 from ...transport.links import Bucket, LinkSettings
-from ...transport.media import HalfDuplex
+from ...transport.media_settings import HalfDuplex
 from .dumping import settings
 from .fault_places import Words
 from .field_docs import described

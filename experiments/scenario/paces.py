@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ...errors import BadInput
-from ...transport.csma import Csma
 from ...transport.faults import Fault, Hog, LinkFault
-from ...transport.media import HalfDuplex, Medium
+from ...transport.media_settings import Csma, HalfDuplex, Medium
 
 
 def check_pace(media: Iterable[Medium], faults: Iterable[Fault], *, realtime: bool) -> None:

@@ -9,7 +9,7 @@ import networkx as nx
 from ...topologies import node_colouring
 from ...transport.faults import LinkName
 from ...transport.links import LinkSettings
-from ...transport.media import on_air
+from ...transport.media_settings import on_air
 
 
 def radio_slots(links: Mapping[LinkName, LinkSettings]) -> dict[str, tuple[int, int]]:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import BadInput
-from ...transport.latencies import LatencyTrace
-from ...transport.losses import LossTrace
+from ...transport.latency_settings import LatencyTrace
+from ...transport.loss_settings import LossTrace
 from ...units import Nanoseconds, parse
 
 _IN_TIME = r"_(ns|us|[µμ]s|ms|s|min|h)"

@@ -11,7 +11,7 @@ from ...errors import BadInput
 from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import LinkSettings
-from ...transport.media import ACCESSES, HalfDuplex, Tdma, on_air
+from ...transport.media_settings import ACCESSES, HalfDuplex, Tdma, on_air
 from .consistency import slots_of
 from .fault_conflicts import vain_faults
 from .graph_changes import GraphChanges, graph_changes

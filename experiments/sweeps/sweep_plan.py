@@ -23,7 +23,7 @@ from ...agents.plan_codec import encode_plan
 from ...agents.registry import find
 from ...errors import BadInput, RunFailed
 from ...transport.faults import LinkFault
-from ...transport.media import HalfDuplex
+from ...transport.media_settings import HalfDuplex
 from ..evaluation.evaluation import evaluation_class
 from ..execution import Engine
 from ..record.machine import fingerprint

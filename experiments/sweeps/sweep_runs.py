@@ -29,7 +29,7 @@ import numpy as np
 from ...agents.plan_codec import decode_plan
 from ...errors import RunFailed, VoleryError
 from ...transport.links import ACCESS, COLLISION, HALF_DUPLEX
-from ...transport.media import on_air
+from ...transport.media_settings import on_air
 from ..analysis.metrics import ErrorMetrics, Metrics, QuantityMetrics, compute_metrics
 from ..execution import Options, Outcome, execute
 from ..record.record import Record, load

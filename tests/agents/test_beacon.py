@@ -19,10 +19,10 @@ from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.transport.faults import Fault, Kill, Pause
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
-from volery.transport.media import HalfDuplex
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import HalfDuplex
 
 S = 1_000_000_000
 MS = 1_000_000

@@ -27,7 +27,7 @@ from volery.transport.events import Event
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
 from volery.transport.frames import Frame, Message
 from volery.transport.links import HALF_DUPLEX, LinkSettings, Queue
-from volery.transport.media import HalfDuplex
+from volery.transport.media_settings import HalfDuplex
 
 MS = 1_000_000
 

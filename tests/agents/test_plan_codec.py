@@ -23,9 +23,9 @@ from volery.experiments.record.record import Collector
 from volery.experiments.scenario.load import builtin_scenarios, load_scenario
 from volery.experiments.twin import Twin
 from volery.transport.faults import LinkFault
-from volery.transport.frame_losses import Bernoulli
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
+from volery.transport.loss_settings import Bernoulli
 
 SETTINGS = LinkSettings(latency=Constant(5_000_000))
 

@@ -22,7 +22,7 @@ from volery.experiments.scenario.consistency import inconsistencies
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
 from volery.transport.faults import ClockFault, Fault, SensorFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 
 MS = 1_000_000

@@ -14,10 +14,10 @@ from ruamel.yaml import YAML
 
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.presets import presets
-from volery.transport.latencies import LATENCIES
+from volery.transport.latency_settings import LATENCIES
 from volery.transport.links import LinkSettings
-from volery.transport.losses import LOSSES
-from volery.transport.media import ACCESSES
+from volery.transport.loss_settings import LOSSES
+from volery.transport.media_settings import ACCESSES
 
 from .conftest import DOCS, blocks, typed
 

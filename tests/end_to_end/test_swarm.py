@@ -25,7 +25,7 @@ from volery.transport import zenoh_session as zs
 from volery.transport.faults import Hog
 from volery.transport.frames import encode, promise
 from volery.transport.keys import Keys
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 
 from .conftest import MS, SECOND, advanced, departures, first_late_ns, run_swarm, until

@@ -19,7 +19,7 @@ from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import recorded
 from volery.quantities import Component, Quantity
 from volery.transport.faults import Fault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 from volery.units import period_ns
 

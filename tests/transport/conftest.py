@@ -7,9 +7,9 @@ from typing import NamedTuple
 import pytest
 
 from volery.topologies import natural_key
+from volery.transport.directed_link import DirectedLink
 from volery.transport.links import LinkSettings
 from volery.transport.propagation import Propagation
-from volery.transport.stages import Surroundings
 from volery.transport.transmitter import Transmitter
 
 
@@ -30,7 +30,7 @@ class SendingEnd:
     def __init__(
         self, settings: LinkSettings, source: str = "1", target: str = "2", incarnation: int = 0, seed: int = 7
     ) -> None:
-        self.way = Propagation(target, Surroundings.of(seed, source, target, incarnation), settings)
+        self.way = Propagation(target, DirectedLink.of(seed, source, target, incarnation), settings)
         self.outlet = Transmitter([self.way], int(natural_key(source) > natural_key(target)))
         self.next_start = self.outlet.next_start
         self.earliest_next = self.outlet.earliest_next

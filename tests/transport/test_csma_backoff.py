@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.randomness import stream
-from volery.transport.csma import Contention, Csma
-from volery.transport.media import HalfDuplex
+from volery.transport.csma import Contention
+from volery.transport.media import earliest_start
+from volery.transport.media_settings import Csma, HalfDuplex
 
 US = 1_000
 
@@ -50,7 +51,7 @@ def test_every_backoff_is_drawn_as_often() -> None:
 
 def test_nothing_starts_before_the_earliest() -> None:
     """A frame that is offered later cannot start sooner than without any backoff."""
-    assert Csma().earliest_start(1000, 5, 0, 1) == 1000 + 320 * US
+    assert earliest_start(Csma(), 1000, 5, 0, 1) == 1000 + 320 * US
 
 
 @pytest.mark.parametrize("wrong", [{"min_be": 4, "max_be": 3}, {"max_backoffs": -1}, {"cca": 0}, {"max_be": 31}])

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.transport.faults import Kill, LinkFault, Pause, effective
-from volery.transport.latencies import Constant, Normal, Uniform
+from volery.transport.latency_settings import Constant, Normal, Uniform
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli, GilbertElliott
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from volery.transport.loss_settings import Bernoulli, GilbertElliott
+from volery.transport.media_settings import Aloha, FullDuplex, HalfDuplex, Tdma
 
 LINK = ("1", "2")
 BASE = LinkSettings(rate=1e6)

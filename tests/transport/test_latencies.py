@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy import integrate, stats
 
 from volery.errors import BadInput
-from volery.transport.latencies import (
+from volery.transport.directed_link import DirectedLink
+from volery.transport.latency_settings import (
     LATENCIES,
     Constant,
     Gamma,
@@ -24,7 +25,7 @@ from volery.transport.latencies import (
     Pareto,
     Uniform,
 )
-from volery.transport.stages import Surroundings
+from volery.transport.latency_stages import latency_stage
 
 MS, SECOND = 10**6, 10**9
 FRAMES = 20_000
@@ -34,7 +35,7 @@ LEVEL = 1e-4
 
 def drawn(model: Latency, frames: int = FRAMES, seed: int = 5) -> list[int]:
     """The latencies of the first frames of a link."""
-    stage = model.stage(Surroundings.of(seed, "1", "2"))
+    stage = latency_stage(model, DirectedLink.of(seed, "1", "2"))
     return [stage(index, index) for index in range(frames)]
 
 
@@ -145,8 +146,8 @@ def test_correlated_latencies_are_the_same_again() -> None:
     """A link's latencies follow from its names and the order of its frames; duplicates have their own."""
     model = CORRELATED[0][0]
     assert drawn(model, 50) == drawn(model, 50) != drawn(model, 50, 6)
-    around = Surroundings.of(5, "1", "2")
-    stage, duplicates = model.stage(around), model.stage(around.within("duplicate"))
+    around = DirectedLink.of(5, "1", "2")
+    stage, duplicates = latency_stage(model, around), latency_stage(model, around.within("duplicate"))
     mixed = [(stage(index, 0), duplicates(index, 0))[0] for index in range(50)]
     assert mixed == drawn(model, 50)
 
@@ -197,7 +198,7 @@ def test_a_trace_says_how_long_frames_travel() -> None:
     instants = [0, SECOND - 1, SECOND, 3 * SECOND, 4 * SECOND, 5 * SECOND]
     for repeat, travel, mean in ((None, [5, 5, 9, 2, 2, 2], 2.0), (4 * SECOND, [5, 5, 9, 2, 5, 9], 6.25)):
         model = LatencyTrace(times, values, repeat)
-        stage = model.stage(Surroundings.of(1, "1", "2"))
+        stage = latency_stage(model, DirectedLink.of(1, "1", "2"))
         assert [stage(index, instant) for index, instant in enumerate(instants)] == [value * MS for value in travel]
         assert [model.expected_ns(instant) for instant in instants] == [value * MS for value in travel]
         assert (model.minimum_ns, model.mean_ns, model.variance_inflation) == (2 * MS, mean * MS, 1.0)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.transport.latencies import Constant, Normal, Uniform
+from volery.transport.latency_settings import Constant, Normal, Uniform
 from volery.transport.links import (
     COLLISION,
     CUT,
@@ -24,8 +24,8 @@ from volery.transport.links import (
     Queue,
     fate,
 )
-from volery.transport.losses import Bernoulli, GilbertElliott
-from volery.transport.media import HalfDuplex, Tdma
+from volery.transport.loss_settings import Bernoulli, GilbertElliott
+from volery.transport.media_settings import HalfDuplex, Tdma
 
 MS = 1_000_000
 Policy = Literal["drop-tail", "drop-head", "latest"]

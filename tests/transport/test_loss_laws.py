@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from volery.randomness import stream
-from volery.transport.losses import (
+from volery.transport.directed_link import DirectedLink
+from volery.transport.loss_settings import (
     Bernoulli,
     BitError,
     Distance,
@@ -21,11 +22,9 @@ from volery.transport.losses import (
     Loss,
     LossTrace,
     Markov,
-    expected_loss,
-    loss_stages,
     loss_variance,
 )
-from volery.transport.stages import Surroundings
+from volery.transport.loss_stages import expected_loss, loss_stage, loss_stages
 
 MS, SECOND = 10**6, 10**9
 FRAMES = 100_000
@@ -53,9 +52,9 @@ MODELS: list[tuple[Loss, ...]] = [
 ]
 
 
-def surroundings(seed: int = SEED) -> Surroundings:
+def surroundings(seed: int = SEED) -> DirectedLink:
     """A link whose ends are between 5 m and 15 m apart."""
-    return Surroundings.of(seed, "1", "2", 0, lambda time_ns: 10.0 + 5.0 * np.sin(time_ns / 1e10))
+    return DirectedLink.of(seed, "1", "2", 0, lambda time_ns: 10.0 + 5.0 * np.sin(time_ns / 1e10))
 
 
 def starts(frames: int) -> list[int]:
@@ -136,7 +135,7 @@ def test_gilbert_elliott_at_a_million_frames() -> None:
     Bursts are geometric with mean 1/to_good and variance (1 − to_good)/to_good².
     """
     model, frames = GilbertElliott(0.02, 0.25), 1_000_000
-    stage = model.stage(surroundings())
+    stage = loss_stage(model, surroundings())
     lost = np.array([stage.lost(index, 0, BITS) for index in range(frames)])
     keeps = 1 - model.to_bad - model.to_good
     variance = model.mean * (1 - model.mean) * (1 + keeps) / (1 - keeps)
@@ -163,7 +162,7 @@ def test_runs_are_geometric(model: Loss, ends: float, begins: float) -> None:
     g = 1 − ρ(1 − p) − p and b = p(1 − ρ) with correlation; for a chain in time asked every Δ, P(down)(1 − e^(−Δ/τ)) to
     begin and P(up)(1 − e^(−Δ/τ)) to end. χ² over the lengths 1 to 8 and longer; a fixed seed, at level 1e-4.
     """
-    stage = model.stage(surroundings())
+    stage = loss_stage(model, surroundings())
     lost = [stage.lost(index, index * 5 * MS, BITS) for index in range(40_000)]
     runs = [(state, len(list(members))) for state, members in groupby(lost)][1:-1]
     for state, leaves in ((True, ends), (False, begins)):
@@ -186,7 +185,7 @@ def test_runs_are_geometric(model: Loss, ends: float, begins: float) -> None:
 def test_chains_start_in_their_stationary_law(model: Loss) -> None:
     """Over many seeds the first frame is lost as often as any: within 3 standard errors."""
     seeds = 3000
-    first = np.mean([model.stage(surroundings(seed)).lost(0, 0, BITS) for seed in range(seeds)])
+    first = np.mean([loss_stage(model, surroundings(seed)).lost(0, 0, BITS) for seed in range(seeds)])
     assert abs(first - model.mean) < 3 * (model.mean * (1 - model.mean) / seeds) ** 0.5
 
 
@@ -196,8 +195,8 @@ def test_shadowing_is_normal_and_forgets() -> None:
     Given the shadowing X, p(X) is known; two frames k apart have covariance Var p(X) · e^(−kΔ/τ).
     """
     model, apart = Distance(2.0, -62.0, width=2.0, shadowing=5.0, decorrelation=100 * MS), 5 * MS
-    link = Surroundings.of(SEED, "1", "2", 0, lambda _time_ns: 10.0)
-    stage = model.stage(link)
+    link = DirectedLink.of(SEED, "1", "2", 0, lambda _time_ns: 10.0)
+    stage = loss_stage(model, link)
     lost = np.array([stage.lost(index, index * apart, BITS) for index in range(FRAMES)])
     nodes, weights = np.polynomial.hermite_e.hermegauss(80)
     given = np.array([model.loss_at(10.0, model.shadowing * node) for node in nodes])

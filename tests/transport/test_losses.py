@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
+from volery.transport.directed_link import DirectedLink
 from volery.transport.links import LOST, LinkSettings
-from volery.transport.losses import (
+from volery.transport.loss_settings import (
     LOSSES,
     Bernoulli,
     BitError,
@@ -24,7 +25,7 @@ from volery.transport.losses import (
     LossTrace,
     Markov,
 )
-from volery.transport.stages import Surroundings
+from volery.transport.loss_stages import loss_stage
 
 MS, SECOND = 10**6, 10**9
 EACH: dict[str, Loss] = {
@@ -39,14 +40,14 @@ EACH: dict[str, Loss] = {
 }
 
 
-def around(source: str = "1", target: str = "2", seed: int = 3, incarnation: int = 0) -> Surroundings:
+def around(source: str = "1", target: str = "2", seed: int = 3, incarnation: int = 0) -> DirectedLink:
     """A link whose ends are 10 m apart."""
-    return Surroundings.of(seed, source, target, incarnation, lambda _time_ns: 10.0)
+    return DirectedLink.of(seed, source, target, incarnation, lambda _time_ns: 10.0)
 
 
-def fates(model: Loss, link: Surroundings, frames: int = 200) -> list[bool]:
+def fates(model: Loss, link: DirectedLink, frames: int = 200) -> list[bool]:
     """Which of the frames of one link are lost, one a millisecond of 300 bits."""
-    stage = model.stage(link)
+    stage = loss_stage(model, link)
     return [stage.lost(index, index * MS, 300) for index in range(frames)]
 
 
@@ -59,7 +60,7 @@ def test_every_model_is_tried() -> None:
 def test_a_link_has_its_own_draws(model: Loss) -> None:
     """The same link loses the same frames, whatever other links do meanwhile; other links lose others."""
     alone, other = fates(model, around()), fates(model, around("2", "3"))
-    first, second = model.stage(around()), model.stage(around("2", "3"))
+    first, second = loss_stage(model, around()), loss_stage(model, around("2", "3"))
     together = [(first.lost(index, index * MS, 300), second.lost(index, index * MS, 300)) for index in range(200)]
     assert together == list(zip(alone, other, strict=True))
     assert 0 < sum(alone) < 200
@@ -69,7 +70,7 @@ def test_a_link_has_its_own_draws(model: Loss) -> None:
 @pytest.mark.parametrize("model", EACH.values(), ids=EACH)
 def test_to_ask_what_is_expected_changes_nothing(model: Loss) -> None:
     """Probabilities may be asked for at any time; the losses stay as they are."""
-    stage, losses = model.stage(around()), []
+    stage, losses = loss_stage(model, around()), []
     for index in range(200):
         asked = stage.expected(199 - index, (199 - index) * MS, 300)
         assert 0.0 <= asked <= 1.0
@@ -94,7 +95,7 @@ def test_longer_frames_die_of_bit_errors_sooner(bits: int, probability: float) -
 
 def test_bit_errors_go_by_the_length_of_each_frame() -> None:
     """Short and long frames in turn: at 0.1 a bit, 1000 bits have no chance, and none have nothing to lose."""
-    stage = BitError(0.1).stage(around())
+    stage = loss_stage(BitError(0.1), around())
     assert [stage.lost(index, 0, 1000 * (index % 2)) for index in range(100)] == [False, True] * 50
 
 
@@ -107,10 +108,10 @@ def test_named_frames_are_lost_and_no_others() -> None:
 def test_time_goes_on_while_nobody_sends() -> None:
     """Up and down are functions of the instant: seldom or often asked, forwards or back, in the next life as well."""
     model, instants = Markov(5 * MS, 5 * MS), range(0, 2 * SECOND, MS)
-    often = model.stage(around())
+    often = loss_stage(model, around())
     course = {instant: often.lost(index, instant, 8) for index, instant in enumerate(instants)}
-    seldom, later = model.stage(around()), model.stage(around(incarnation=1))
-    backwards = model.stage(around())
+    seldom, later = loss_stage(model, around()), loss_stage(model, around(incarnation=1))
+    backwards = loss_stage(model, around())
     assert all(seldom.lost(index, time, 8) == course[time] for index, time in enumerate(instants[::37]))
     assert all(later.lost(index, time, 8) == course[time] for index, time in enumerate(instants[900:]))
     assert all(backwards.lost(index, time, 8) == course[time] for index, time in enumerate(instants[::-90]))
@@ -122,13 +123,13 @@ def test_time_goes_on_while_nobody_sends() -> None:
 )
 def test_a_trace_holds_from_its_times_on(time_ns: int, expected: float) -> None:
     """Each value from its own instant until the next; at the repetition the first one again."""
-    assert EACH["trace"].stage(around()).expected(0, time_ns, 8) == expected
+    assert loss_stage(EACH["trace"], around()).expected(0, time_ns, 8) == expected
 
 
 def test_the_last_value_of_a_trace_stays() -> None:
     """Without repetition; then it is the long-run mean, with one the mean over time."""
     trace = LossTrace((0, 20 * MS), (0.2, 0.9))
-    assert trace.stage(around()).expected(0, 10**15, 8) == trace.mean == 0.9
+    assert loss_stage(trace, around()).expected(0, 10**15, 8) == trace.mean == 0.9
     assert EACH["trace"].mean == pytest.approx(0.4 * 0.2 + 0.6 * 0.9)
 
 
@@ -151,8 +152,8 @@ def test_loss_grows_with_distance() -> None:
 
 def test_distance_is_that_of_the_instant() -> None:
     """Ends that drift apart lose everything from the threshold on."""
-    drifting = Surroundings.of(1, "1", "2", 0, lambda time_ns: time_ns / SECOND)
-    stage = Distance(2.0, -60.0, width=0.0).stage(drifting)
+    drifting = DirectedLink.of(1, "1", "2", 0, lambda time_ns: time_ns / SECOND)
+    stage = loss_stage(Distance(2.0, -60.0, width=0.0), drifting)
     assert [stage.lost(index, index * SECOND, 8) for index in range(1, 21)] == [False] * 10 + [True] * 10
 
 
@@ -227,9 +228,9 @@ def test_what_makes_no_sense_is_refused(kind: Any, arguments: tuple[Any, ...], m
 
 def test_ends_without_places_have_no_distance() -> None:
     """A stage says so when it is asked, for whoever did not check before."""
-    nowhere = Surroundings.of(1, "1", "2")
+    nowhere = DirectedLink.of(1, "1", "2")
     with pytest.raises(BadInput, match="no positions"):
-        Distance(2.0, -60.0).stage(nowhere).lost(0, 0, 8)
+        loss_stage(Distance(2.0, -60.0), nowhere).lost(0, 0, 8)
 
 
 def test_streams_of_models_do_not_meet() -> None:

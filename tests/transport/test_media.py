@@ -7,7 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.transport.media import EDGE_SLOTS, Aloha, Tdma, Transceiver
+from volery.transport.media import Transceiver, earliest_start
+from volery.transport.media_settings import EDGE_SLOTS, Aloha, Tdma
 from volery.units import period_ns
 
 cycles = st.sampled_from([1.0, 7.3, 60.0, 100.0, 333.3, 1000.0])
@@ -48,7 +49,7 @@ def test_tdma_starts_at_the_first_instant_that_fits(
     starts = [
         max(ready, begin) for begin, end in slots_of(access, slot, ready) if max(ready, begin) + airtime + guard <= end
     ]
-    assert access.earliest_start(ready, airtime, slot, EDGE_SLOTS) == min(starts)
+    assert earliest_start(access, ready, airtime, slot, EDGE_SLOTS) == min(starts)
 
 
 @given(cycle=cycles, ready=st.integers(0, 10**11), first=st.floats(0, 1), second=st.floats(0, 1))
@@ -58,7 +59,7 @@ def test_tdma_ends_never_meet(cycle: float, ready: int, first: float, second: fl
     usable = access.usable_ns(EDGE_SLOTS)
     airtimes = [1 + int(share * (usable - 1)) for share in (first, second)]
     spans = [
-        (access.earliest_start(ready, airtime, slot, EDGE_SLOTS), airtime) for slot, airtime in enumerate(airtimes)
+        (earliest_start(access, ready, airtime, slot, EDGE_SLOTS), airtime) for slot, airtime in enumerate(airtimes)
     ]
     (early, early_air), (late, _) = sorted(spans)
     assert early + early_air <= late
@@ -69,23 +70,23 @@ def test_waiting_longer_never_starts_earlier(cycle: float, ready: int, later: in
     """Promises rest on it: the start grows with the instant of readiness and with the airtime."""
     access = Tdma(cycle)
     longest = access.usable_ns(EDGE_SLOTS)
-    start = access.earliest_start(ready, int(share * longest), 1, EDGE_SLOTS)
-    assert start <= access.earliest_start(ready + later, int(share * longest), 1, EDGE_SLOTS)
-    assert start <= access.earliest_start(ready, longest, 1, EDGE_SLOTS)
+    start = earliest_start(access, ready, int(share * longest), 1, EDGE_SLOTS)
+    assert start <= earliest_start(access, ready + later, int(share * longest), 1, EDGE_SLOTS)
+    assert start <= earliest_start(access, ready, longest, 1, EDGE_SLOTS)
 
 
 def test_what_fits_no_slot_is_refused() -> None:
     """The message names the airtime, the slot and the remedy."""
     access = Tdma(100.0, guard=200 * US)
     longest = access.usable_ns(EDGE_SLOTS)
-    assert access.earliest_start(0, longest, 0, EDGE_SLOTS) == 0
+    assert earliest_start(access, 0, longest, 0, EDGE_SLOTS) == 0
     with pytest.raises(BadInput, match=r"5\.000 ms airtime does not fit a tdma slot of 4\.800 ms: send less"):
-        access.earliest_start(0, 5_000 * US, 0, EDGE_SLOTS)
+        earliest_start(access, 0, 5_000 * US, 0, EDGE_SLOTS)
 
 
 def test_aloha_waits_for_nobody() -> None:
     """It starts when it is ready."""
-    assert Aloha().earliest_start(12, 5, 1, EDGE_SLOTS) == 12
+    assert earliest_start(Aloha(), 12, 5, 1, EDGE_SLOTS) == 12
 
 
 @pytest.mark.parametrize(("cycle", "guard", "message"), [(0.0, 0, "cycle is 0 Hz"), (1.0, -1, "guard is -1 ns")])

@@ -9,11 +9,19 @@ from itertools import pairwise
 import pytest
 
 from volery.errors import BadInput
-from volery.transport.latencies import Normal, Uniform
+from volery.transport.directed_link import DirectedLink
+from volery.transport.latency_settings import Normal, Uniform
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli, BitError, Distance, GilbertElliott, GilbertElliottTime, Loss, Markov
+from volery.transport.loss_settings import (
+    Bernoulli,
+    BitError,
+    Distance,
+    GilbertElliott,
+    GilbertElliottTime,
+    Loss,
+    Markov,
+)
 from volery.transport.propagation import Copy, Propagation
-from volery.transport.stages import Surroundings
 
 MS = 10**6
 SLOT = 10 * MS
@@ -35,7 +43,7 @@ LATENCIES = {
 
 def sent(settings: LinkSettings, starts_ms: Iterable[int], source: str = "1", life: int = 0) -> dict[int, list[Copy]]:
     """Start [ms] → what became of the frame that starts then, numbered from 0, on the link to agent 2."""
-    way = Propagation("2", Surroundings.of(3, source, "2", life, lambda _time_ns: 10.0), settings)
+    way = Propagation("2", DirectedLink.of(3, source, "2", life, lambda _time_ns: 10.0), settings)
     return {start: way.send(sequence, start * MS, start * MS + MS, 300) for sequence, start in enumerate(starts_ms)}
 
 
@@ -96,7 +104,7 @@ def test_a_fault_can_pair_a_link() -> None:
     """From the change on the draws belong to slots, as if it had been so from the beginning."""
     settings = LinkSettings(loss=(LOSSES["gilbert-elliott"],), paired=SLOT)
     always = sent(settings, range(0, 2000, 10))
-    way = Propagation("2", Surroundings.of(3, "1", "2"), replace(settings, paired=None))
+    way = Propagation("2", DirectedLink.of(3, "1", "2"), replace(settings, paired=None))
     for sequence in range(100):
         way.send(sequence, sequence * SLOT, sequence * SLOT, 300)
     way.change(settings)

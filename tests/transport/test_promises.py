@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from volery.transport.events import FOREVER_NS
 from volery.transport.faults import LinkFault, effective
 from volery.transport.frames import Frame, promise
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import SHORTEST_TRAVEL_NS, LinkSettings
 from volery.transport.promises import FrameMissing, NeighbourPromises, earliest_due, lookahead_segments
 

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.transport.clock import Clock
+from volery.transport.directed_link import DirectedLink
 from volery.transport.faults import ClockFault
-from volery.transport.latencies import Constant, Uniform
+from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.links import CORRUPT, CUT, DELIVERED, LOST, Bucket, LinkSettings, Queue
-from volery.transport.losses import Bernoulli
-from volery.transport.media import Ether, HalfDuplex, SlottedAloha, Tdma
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media import Ether, earliest_start
+from volery.transport.media_settings import HalfDuplex, SlottedAloha, Tdma
 from volery.transport.propagation import Propagation
-from volery.transport.stages import Surroundings
 from volery.transport.transmitter import Transmitter
 
 MS = 1_000_000
@@ -26,7 +27,7 @@ FRAMES = 100_000
 
 def way(settings: LinkSettings, target: str = "2") -> Propagation:
     """The way from 1 to a target."""
-    return Propagation(target, Surroundings.of(7, "1", target), settings)
+    return Propagation(target, DirectedLink.of(7, "1", target), settings)
 
 
 def test_rate_is_what_was_asked_for() -> None:
@@ -145,11 +146,11 @@ def test_one_transmission_of_a_radio_has_an_arrival_at_each_target() -> None:
 @given(ready=st.integers(0, 10**10), slot=st.integers(1, 10**7))
 def test_slotted_aloha_begins_with_a_slot(ready: int, slot: int) -> None:
     """The first multiple of the slot's length from then on; a frame that is longer than a slot is refused."""
-    start = SlottedAloha(slot).earliest_start(ready, slot, 0, 1)
+    start = earliest_start(SlottedAloha(slot), ready, slot, 0, 1)
     assert start % slot == 0
     assert 0 <= start - ready < slot
     with pytest.raises(BadInput, match="does not fit a slot"):
-        SlottedAloha(slot).earliest_start(ready, slot + 1, 0, 1)
+        earliest_start(SlottedAloha(slot), ready, slot + 1, 0, 1)
 
 
 @given(offset=st.integers(-5 * MS, 5 * MS), ready=st.integers(10 * MS, 10**9))

@@ -14,12 +14,11 @@ from volery.agents.plan import AgentPlan, Plan, World
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.slots import radio_slots
 from volery.experiments.twin import recorded
-from volery.transport.csma import Csma
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
-from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
+from volery.transport.latency_settings import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Bucket, LinkSettings, Queue
-from volery.transport.losses import Bernoulli, BitError, Frames, GilbertElliott, GilbertElliottTime, LossTrace
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, SlottedAloha, Tdma
+from volery.transport.loss_settings import Bernoulli, BitError, Frames, GilbertElliott, GilbertElliottTime, LossTrace
+from volery.transport.media_settings import Aloha, Csma, FullDuplex, HalfDuplex, SlottedAloha, Tdma
 
 from .talking import Answerer, Probe, Talker, TalkerParameters
 

@@ -21,7 +21,7 @@ from volery.agents.run_start import RunStart
 from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import Fault, Kill, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
-from volery.transport.media import AIR
+from volery.transport.media_settings import AIR
 
 if TYPE_CHECKING:
     from asyncio import AbstractEventLoop

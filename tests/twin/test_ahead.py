@@ -15,9 +15,9 @@ from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.transport.events import HANDLER, NODE, TIME
 from volery.transport.faults import ClockFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.media import HalfDuplex, SlottedAloha
+from volery.transport.media_settings import HalfDuplex, SlottedAloha
 
 from .test_lockstep import assert_equal
 

@@ -12,10 +12,9 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Record
-from volery.transport.csma import Csma
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import Bucket, LinkSettings, Queue
-from volery.transport.media import HalfDuplex
+from volery.transport.media_settings import Csma, HalfDuplex
 
 US = 1_000
 MS = 1_000 * US

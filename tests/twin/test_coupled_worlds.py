@@ -22,9 +22,9 @@ from volery.experiments.record.samples import samples
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Kill, LinkFault, Pause, SensorFault
 from volery.transport.frames import Frame
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
+from volery.transport.loss_settings import Bernoulli
 
 from .carts import CartWorld, Driver, SteadyDriver
 from .network import Network

@@ -19,9 +19,9 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.record.record import Record
 from volery.transport.faults import LinkFault, Pause
-from volery.transport.latencies import Normal, Uniform
+from volery.transport.latency_settings import Normal, Uniform
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.loss_settings import Bernoulli, GilbertElliott
 
 MS = 1_000_000
 SCENARIO = "dfa4"

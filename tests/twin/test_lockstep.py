@@ -17,9 +17,9 @@ from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Record
 from volery.experiments.verify import compare, replay
 from volery.transport.faults import Fault, Kill, LinkFault, LinkName, Pause
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import CUT, LinkSettings
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from volery.transport.media_settings import Aloha, FullDuplex, HalfDuplex, Tdma
 
 from .network import Network
 

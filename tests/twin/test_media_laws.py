@@ -16,11 +16,10 @@ from volery.agents.agent import Agent, Timer
 from volery.agents.plan import Plan
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.slots import radio_slots
-from volery.transport.csma import Csma
 from volery.transport.faults import LinkFault, effective
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
-from volery.transport.media import Aloha, HalfDuplex, SlottedAloha, Tdma, on_air
+from volery.transport.media_settings import Aloha, Csma, HalfDuplex, SlottedAloha, Tdma, on_air
 
 MS = 1_000_000
 AIRTIME_NS = 4 * MS

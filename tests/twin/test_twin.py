@@ -14,10 +14,10 @@ from volery.experiments.analysis.accounting import account
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.twin import Twin
 from volery.transport.faults import Fault, Kill, LinkFault, LinkName, Pause
-from volery.transport.latencies import Constant, Normal
+from volery.transport.latency_settings import Constant, Normal
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli
-from volery.transport.media import Aloha, HalfDuplex, Tdma
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import Aloha, HalfDuplex, Tdma
 
 MS = 1_000_000
 QUICK = LinkSettings(latency=Constant(5 * MS))

@@ -23,9 +23,9 @@ from volery.experiments.record.record import Record
 from volery.experiments.record.samples import Samples, samples
 from volery.experiments.twin import recorded
 from volery.transport.faults import ClockFault, Fault, Kill
-from volery.transport.latencies import Constant, Uniform
+from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
+from volery.transport.loss_settings import Bernoulli
 from volery.worlds.altitude.altitude_sensors import AltitudeSensor, BarometerSensor, ImuSensor, RangeSensor
 from volery.worlds.altitude.altitude_world import AltitudeWorld
 from volery.worlds.altitude.room import Obstacle, Room

@@ -23,10 +23,10 @@ from volery.experiments.record.record import Record
 from volery.experiments.twin import recorded
 from volery.randomness import Stream, stream
 from volery.transport.faults import Fault, Kill, Pause
-from volery.transport.latencies import Constant, Uniform
+from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
-from volery.transport.media import HalfDuplex, Tdma
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import HalfDuplex, Tdma
 from volery.worlds import signals as truth
 from volery.worlds.plane.distance_sensors import GaussianDistance
 from volery.worlds.plane.plane_world import PlaneWorld

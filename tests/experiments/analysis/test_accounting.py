@@ -16,10 +16,10 @@ from volery.experiments.analysis.accounting import LinkAccount, account, total
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import Kill, LinkFault, Pause
-from volery.transport.latencies import Normal
+from volery.transport.latency_settings import Normal
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli
-from volery.transport.media import HalfDuplex
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import HalfDuplex
 
 MS = 1_000_000
 LINK = ("1", "2")

@@ -14,7 +14,7 @@ from volery.agents.plan import Plan
 from volery.experiments.analysis.ages import AgeCourse, AgeMetrics, age_courses, age_metrics
 from volery.experiments.record.record import Record
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
+from volery.transport.loss_settings import Bernoulli
 
 MS = 1_000_000
 LINK = ("1", "2")

@@ -16,10 +16,10 @@ from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import LinkFault
-from volery.transport.latencies import Constant, Gamma, LatencyTrace, Normal, Uniform
+from volery.transport.latency_settings import Constant, Gamma, LatencyTrace, Normal, Uniform
 from volery.transport.links import Bucket, LinkSettings, Queue
-from volery.transport.losses import Bernoulli, BitError, GilbertElliott, GilbertElliottTime, LossTrace, Markov
-from volery.transport.media import FullDuplex, HalfDuplex, Medium
+from volery.transport.loss_settings import Bernoulli, BitError, GilbertElliott, GilbertElliottTime, LossTrace, Markov
+from volery.transport.media_settings import FullDuplex, HalfDuplex, Medium
 
 MS = 1_000_000
 Make = Callable[..., Any]

@@ -23,8 +23,8 @@ from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.scenario.fault_labels import fault_label
 from volery.transport.faults import ClockFault, Hog, Kill, LinkFault, Pause, SensorFault
-from volery.transport.latencies import Normal
-from volery.transport.losses import Bernoulli, GilbertElliott
+from volery.transport.latency_settings import Normal
+from volery.transport.loss_settings import Bernoulli, GilbertElliott
 
 MS = 1_000_000
 Make = Callable[..., Any]

@@ -25,9 +25,9 @@ from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.transport.faults import LinkFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
+from volery.transport.loss_settings import Bernoulli
 
 MS = 1_000_000
 Make = Callable[..., Any]

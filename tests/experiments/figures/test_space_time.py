@@ -19,7 +19,7 @@ from volery.experiments.figures.space_time import MOST_FRAMES, Window, choose_wi
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Record
 from volery.transport.faults import Kill, LinkFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 
 MS = 1_000_000

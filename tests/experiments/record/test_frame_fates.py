@@ -13,7 +13,7 @@ from volery.experiments.figures.space_time import LOOKS
 from volery.experiments.record.frame_fates import FATES, frame_fates, is_lost, is_transmitted
 from volery.experiments.record.record import Record
 from volery.transport.faults import LinkFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 
 MS = 1_000_000

@@ -13,10 +13,10 @@ from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.consistency import settings_problems
 from volery.topologies.graph_settings import Complete, Line
 from volery.transport.faults import Kill, LinkFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
-from volery.transport.losses import Bernoulli
-from volery.transport.media import HalfDuplex, Tdma
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import HalfDuplex, Tdma
 from volery.worlds.plane.plane_settings import PlaneSettings
 from volery.worlds.signals import Constant as Always
 

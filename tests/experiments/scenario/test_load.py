@@ -13,9 +13,9 @@ from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.yaml_document import read_document
 from volery.topologies.graph_settings import FromFile
 from volery.transport.faults import LinkFault
-from volery.transport.latencies import Normal
-from volery.transport.losses import GilbertElliott
-from volery.transport.media import HalfDuplex, Tdma
+from volery.transport.latency_settings import Normal
+from volery.transport.loss_settings import GilbertElliott
+from volery.transport.media_settings import HalfDuplex, Tdma
 
 from .conftest import TEXT, Load, Refusal
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from volery.errors import BadInput
 from volery.experiments.scenario.yaml_document import assign, parse, plain
 from volery.topologies.graph_settings import Line, Ring
-from volery.transport.latencies import Constant, Uniform
-from volery.transport.losses import Bernoulli, GilbertElliott
-from volery.transport.media import FullDuplex
+from volery.transport.latency_settings import Constant, Uniform
+from volery.transport.loss_settings import Bernoulli, GilbertElliott
+from volery.transport.media_settings import FullDuplex
 
 from .conftest import Load, Refusal
 

@@ -6,9 +6,8 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments.scenario.paces import check_pace
-from volery.transport.csma import Csma
 from volery.transport.faults import Hog, LinkFault
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex
+from volery.transport.media_settings import Aloha, Csma, FullDuplex, HalfDuplex
 
 SENSING = HalfDuplex("node", Csma())
 LINK = (("1", "2"),)

@@ -10,9 +10,9 @@ from volery.agents.beacon import BeaconParameters
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.presets import presets
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.media import Aloha, HalfDuplex, Tdma
+from volery.transport.media_settings import Aloha, HalfDuplex, Tdma
 
 from .conftest import Load, Refusal
 

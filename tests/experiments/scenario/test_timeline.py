@@ -17,9 +17,9 @@ from volery.experiments.scenario.explaining import read
 from volery.experiments.scenario.fault_places import Places, parse_agents, parse_links
 from volery.experiments.scenario.link_schema import LinkChanges, dumped_changes
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause
-from volery.transport.latencies import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
+from volery.transport.latency_settings import Constant, Gamma, LatencyTrace, LogNormal, Normal, Pareto, Uniform
 from volery.transport.links import Queue
-from volery.transport.losses import (
+from volery.transport.loss_settings import (
     Bernoulli,
     BitError,
     Distance,
@@ -29,7 +29,7 @@ from volery.transport.losses import (
     LossTrace,
     Markov,
 )
-from volery.transport.media import Aloha, FullDuplex, HalfDuplex, Tdma
+from volery.transport.media_settings import Aloha, FullDuplex, HalfDuplex, Tdma
 
 PLACES = Places([("1", "2"), ("2", "3"), ("2", "10")], {"left": ("1", "2"), "right": ("3", "10")}, seed=7)
 SECOND = 1_000_000_000

@@ -13,8 +13,8 @@ from volery.experiments.scenario.explaining import read
 from volery.experiments.scenario.link_schema import LinkChanges
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.trace_files import read_trace
-from volery.transport.latencies import LatencyTrace
-from volery.transport.losses import Distance, LossTrace
+from volery.transport.latency_settings import LatencyTrace
+from volery.transport.loss_settings import Distance, LossTrace
 
 from .conftest import Load, Refusal
 

@@ -22,10 +22,10 @@ from volery.experiments.swarm.status import Status, WatchedSink
 from volery.experiments.twin import Twin
 from volery.quantities import Quantity
 from volery.transport.faults import Kill, LinkFault
-from volery.transport.latencies import Constant
+from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings, Queue
-from volery.transport.losses import Bernoulli
-from volery.transport.media import FullDuplex, HalfDuplex, Medium
+from volery.transport.loss_settings import Bernoulli
+from volery.transport.media_settings import FullDuplex, HalfDuplex, Medium
 
 MS = 1_000_000
 Floats = NDArray[np.float64]

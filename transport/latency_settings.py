@@ -1,33 +1,26 @@
-"""Random latencies: distributions truncated below at a minimum, sampled by the inverse of their upper tail.
+"""Latency models as data: one-way travel time of a frame after its last bit was sent, in whole nanoseconds.
 
-For a distribution with upper tail S(x) = P(X > x), truncated below at m, x = S⁻¹(S(m)·v) with v uniform in (0, 1) has
-the truncated distribution: one draw per frame. The default of `min` is the quantile Φ(−3) = 0.135 %, which for a normal
-distribution is its mean − 3 sd.
-
-`correlation` ρ: v = Φ(−z) with zₖ = ρzₖ₋₁ + √(1 − ρ²)·Φ⁻¹(uₖ), in the order of the frames (a Gaussian copula over an
-AR(1) process, Nelsen 2006, §2.3). The distribution of each latency stays exact; the correlation of latencies k apart is
-at most ρᵏ, and near it for distributions that are nearly normal (Gebelein 1941).
+Latency does not limit the number of frames in flight. Every model has a minimum, which lockstep pace needs as
+lookahead. Random distributions are truncated below there; the default of `min` is the quantile Φ(−3) = 0.135 %, which
+for a normal distribution is its mean − 3 sd. `latency_stages` draws from them.
 """
 
 from __future__ import annotations
 
-import math
-from abc import abstractmethod
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from math import exp, inf, log, log1p, sqrt
 from statistics import NormalDist
 
 from ..errors import BadInput
-from ..randomness import Stream
+from ..kinds import Kinds
 from ..units import Nanoseconds
-from .stages import LatencyStage, Steps, Surroundings
+from .traces import Steps
 
-_STANDARD_NORMAL = NormalDist()
+STANDARD_NORMAL = NormalDist()
 _TRUNCATION_SD = 3
-_TRUNCATED = _STANDARD_NORMAL.cdf(-_TRUNCATION_SD)
-_BELOW_ONE = math.nextafter(1.0, 0.0)
-_ROOT_HALF = math.sqrt(0.5)
+_TRUNCATED = STANDARD_NORMAL.cdf(-_TRUNCATION_SD)
 
 
 def check_latency(name: str, value_ns: int) -> None:
@@ -40,42 +33,95 @@ def check_latency(name: str, value_ns: int) -> None:
         raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
 
 
-def _upper_tails(draws: Stream, correlation: float, steps: Steps) -> Callable[[int], float]:
-    """Index → v, uniform in (0, 1)."""
-    if not correlation:
-        return lambda index: 1.0 - draws.uniform(index)
-    fresh = math.sqrt(1.0 - correlation**2)
-    last: float | None = None
-
-    def correlated(index: int) -> float:
-        nonlocal last
-        for step in steps(index):
-            z = draws.normal(step)
-            last = z if last is None else correlation * last + fresh * z
-        assert last is not None
-        return min(0.5 * math.erfc(last * _ROOT_HALF), _BELOW_ONE)
-
-    return correlated
-
-
-class _Law:
-    """Base of all distributions: one draw per frame, and the correlation of successive draws."""
-
-    correlation: float
+@dataclass(frozen=True)
+class Latency(ABC):
+    """Base of all latency models."""
 
     @property
     @abstractmethod
     def minimum_ns(self) -> int:
-        """The smallest latency, at which the distribution is truncated."""
+        """Smallest latency, at which a distribution is truncated."""
 
     @property
     @abstractmethod
     def mean_ns(self) -> float:
-        """Mean of the truncated distribution."""
+        """Long-run mean of the latency; of a distribution, after truncation."""
 
-    @abstractmethod
-    def _quantile(self) -> Callable[[float], float]:
-        """Function from v in (0, 1) to the latency [ns] that is exceeded with probability v."""
+    @property
+    def variance_inflation(self) -> float:
+        """Upper bound of the long-run variance of the mean, relative to that of independent latencies."""
+        return 1.0
+
+    def expected_ns(self, _end_ns: int) -> float:
+        """Mean latency of frames whose airtime ends at an instant."""
+        return self.mean_ns
+
+
+@dataclass(frozen=True)
+class Constant(Latency):
+    """The same latency for every frame.
+
+    value: the latency.
+    """
+
+    value: Nanoseconds
+
+    def __post_init__(self) -> None:
+        """Check the bound."""
+        check_latency("latency", self.value)
+
+    @property
+    def minimum_ns(self) -> int:
+        """The constant latency."""
+        return self.value
+
+    @property
+    def mean_ns(self) -> float:
+        """The constant latency."""
+        return float(self.value)
+
+
+@dataclass(frozen=True)
+class LatencyTrace(Latency):
+    """A latency as a function of time: `latencies[i]` if the airtime ends at `times[i]` or later, the last for ever.
+
+    repeat: period after which the trace is repeated.
+    """
+
+    times: tuple[Nanoseconds, ...]
+    latencies: tuple[Nanoseconds, ...]
+    repeat: Nanoseconds | None = None
+
+    def __post_init__(self) -> None:
+        """Check the bounds."""
+        for latency in self.latencies:
+            check_latency("latency", latency)
+        self.steps.check("latencies")
+
+    @property
+    def steps(self) -> Steps[int]:
+        """The latency over time."""
+        return Steps(self.times, self.latencies, self.repeat)
+
+    @property
+    def minimum_ns(self) -> int:
+        """The smallest latency."""
+        return min(self.latencies)
+
+    @property
+    def mean_ns(self) -> float:
+        """Mean over one period, or the last value without repetition."""
+        return self.steps.mean
+
+    def expected_ns(self, end_ns: int) -> float:
+        """The latency at an instant."""
+        return float(self.steps.at(end_ns))
+
+
+class Distribution(Latency):
+    """Base of all distributions: one draw per frame, and the correlation of successive draws."""
+
+    correlation: float
 
     def _check(self, spread_ns: int, mean_ns: int) -> None:
         """Refuse a correlation out of bounds or of equal latencies, and a minimum above the mean."""
@@ -94,19 +140,9 @@ class _Law:
         """Bound (1 + |ρ|) / (1 − |ρ|): latencies k apart have a correlation of at most |ρ|ᵏ."""
         return (1.0 + abs(self.correlation)) / (1.0 - abs(self.correlation))
 
-    def expected_ns(self, _end_ns: int) -> float:
-        """Mean of the truncated distribution."""
-        return self.mean_ns
-
-    def stage(self, around: Surroundings) -> LatencyStage:
-        """One draw per frame."""
-        minimum, quantile = self.minimum_ns, self._quantile()
-        upper_tail = _upper_tails(around.stream("latency"), self.correlation, around.steps())
-        return lambda index, _end_ns: max(minimum, int(quantile(upper_tail(index))))
-
 
 @dataclass(frozen=True)
-class Uniform(_Law):
+class Uniform(Distribution):
     """Uniform distribution between two bounds.
 
     low: the smallest latency.
@@ -135,13 +171,9 @@ class Uniform(_Law):
         """The mean of the bounds."""
         return (self.low + self.high) / 2
 
-    def _quantile(self) -> Callable[[float], float]:
-        high, span = self.high, self.high - self.low
-        return lambda tail: high - span * tail
-
 
 @dataclass(frozen=True)
-class Normal(_Law):
+class Normal(Distribution):
     """Normal distribution, truncated below at `min`: by default mean − 3 sd, at least 0.
 
     mean: mean before truncation.
@@ -167,21 +199,18 @@ class Normal(_Law):
         return max(0, self.mean - _TRUNCATION_SD * self.sd) if self.min is None else self.min
 
     @property
-    def _alpha(self) -> float:
-        return (self.minimum_ns - self.mean) / self.sd if self.sd else -math.inf
+    def alpha(self) -> float:
+        """α, the place of the truncation in standard deviations from the mean."""
+        return (self.minimum_ns - self.mean) / self.sd if self.sd else -inf
 
     @property
     def mean_ns(self) -> float:
         """Mean after truncation: mean + sd·φ(α) / (1 − Φ(α)), α = (min − mean) / sd."""
-        return self.mean + self.sd * _STANDARD_NORMAL.pdf(self._alpha) / _STANDARD_NORMAL.cdf(-self._alpha)
-
-    def _quantile(self) -> Callable[[float], float]:
-        mean, sd, kept, inverse = self.mean, self.sd, _STANDARD_NORMAL.cdf(-self._alpha), _STANDARD_NORMAL.inv_cdf
-        return lambda tail: mean - sd * inverse(kept * tail)
+        return self.mean + self.sd * STANDARD_NORMAL.pdf(self.alpha) / STANDARD_NORMAL.cdf(-self.alpha)
 
 
 @dataclass(frozen=True)
-class _Positive(_Law):
+class _Positive(Distribution):
     """A distribution on positive numbers, given by mean and standard deviation, truncated below at `min`.
 
     mean: mean before truncation.
@@ -211,11 +240,13 @@ class Gamma(_Positive):
     """
 
     @property
-    def _shape(self) -> float:
+    def shape(self) -> float:
+        """K."""
         return (self.mean / self.sd) ** 2
 
     @property
-    def _scale_ns(self) -> float:
+    def scale_ns(self) -> float:
+        """θ."""
         return self.sd * (self.sd / self.mean)
 
     @cached_property
@@ -225,22 +256,15 @@ class Gamma(_Positive):
             return self.min
         from scipy.special import gammaincinv  # heavy, and most agents draw no gamma latency
 
-        return int(self._scale_ns * gammaincinv(self._shape, _TRUNCATED))
+        return int(self.scale_ns * gammaincinv(self.shape, _TRUNCATED))
 
     @property
     def mean_ns(self) -> float:
         """Mean after truncation: mean·Q(k + 1, min/θ) / Q(k, min/θ), Q the regularised upper incomplete gamma."""
         from scipy.special import gammaincc
 
-        cut = self.minimum_ns / self._scale_ns
-        return float(self.mean * gammaincc(self._shape + 1.0, cut) / gammaincc(self._shape, cut))
-
-    def _quantile(self) -> Callable[[float], float]:
-        from scipy.special import gammaincc, gammainccinv
-
-        shape, scale, inverse = self._shape, self._scale_ns, gammainccinv
-        kept = float(gammaincc(shape, self.minimum_ns / scale))
-        return lambda tail: scale * inverse(shape, kept * tail)
+        cut = self.minimum_ns / self.scale_ns
+        return float(self.mean * gammaincc(self.shape + 1.0, cut) / gammaincc(self.shape, cut))
 
 
 @dataclass(frozen=True)
@@ -251,35 +275,34 @@ class LogNormal(_Positive):
     """
 
     @property
-    def _sigma(self) -> float:
-        return math.sqrt(math.log1p((self.sd / self.mean) ** 2))
+    def sigma(self) -> float:
+        """σ."""
+        return sqrt(log1p((self.sd / self.mean) ** 2))
 
     @property
-    def _mu(self) -> float:
-        return math.log(self.mean) - self._sigma**2 / 2
+    def mu(self) -> float:
+        """μ."""
+        return log(self.mean) - self.sigma**2 / 2
 
     @cached_property
     def minimum_ns(self) -> int:
         """The smallest latency, at which the distribution is truncated."""
-        return int(math.exp(self._mu - _TRUNCATION_SD * self._sigma)) if self.min is None else self.min
+        return int(exp(self.mu - _TRUNCATION_SD * self.sigma)) if self.min is None else self.min
 
     @property
-    def _alpha(self) -> float:
-        return (math.log(self.minimum_ns) - self._mu) / self._sigma if self.minimum_ns else -math.inf
+    def alpha(self) -> float:
+        """α, the place of the truncation in standard deviations from the mean."""
+        return (log(self.minimum_ns) - self.mu) / self.sigma if self.minimum_ns else -inf
 
     @property
     def mean_ns(self) -> float:
         """Mean after truncation: mean·Φ(σ − α) / (1 − Φ(α)), α = (ln min − μ) / σ."""
-        cdf = _STANDARD_NORMAL.cdf
-        return self.mean * cdf(self._sigma - self._alpha) / cdf(-self._alpha)
-
-    def _quantile(self) -> Callable[[float], float]:
-        mu, sigma, kept, inverse = self._mu, self._sigma, _STANDARD_NORMAL.cdf(-self._alpha), _STANDARD_NORMAL.inv_cdf
-        return lambda tail: math.exp(mu - sigma * inverse(kept * tail))
+        cdf = STANDARD_NORMAL.cdf
+        return self.mean * cdf(self.sigma - self.alpha) / cdf(-self.alpha)
 
 
 @dataclass(frozen=True)
-class Pareto(_Law):
+class Pareto(Distribution):
     """Pareto distribution: P(X > x) = (min / x)^shape for x ≥ min, a heavy tail, without variance for a shape ≤ 2.
 
     min: smallest latency.
@@ -295,7 +318,7 @@ class Pareto(_Law):
         """Check the bounds: with a shape of 1 or less there is no mean."""
         if self.min < 1:
             raise BadInput(f"min is {self.min} ns, a pareto latency starts above 0")
-        if not 1.0 < self.shape < math.inf:
+        if not 1.0 < self.shape < inf:
             raise BadInput(f"shape is {self.shape:g}, it must be above 1, or the latency has no mean")
         self._check(self.min, self.min)
 
@@ -309,6 +332,17 @@ class Pareto(_Law):
         """Mean min·shape / (shape − 1)."""
         return self.min * self.shape / (self.shape - 1.0)
 
-    def _quantile(self) -> Callable[[float], float]:
-        least, power = self.min, -1.0 / self.shape
-        return lambda tail: least * tail**power
+
+LATENCIES = Kinds(
+    "latency model",
+    {
+        "constant": Constant,
+        "uniform": Uniform,
+        "normal": Normal,
+        "gamma": Gamma,
+        "lognormal": LogNormal,
+        "pareto": Pareto,
+        "trace": LatencyTrace,
+    },
+    scalar="constant",
+)
