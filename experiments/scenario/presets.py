@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from ...errors import BadInput
 from ...names import did_you_mean
 from .settings_reading import Reader
-from .yaml_document import parse, plain
+from .yaml_document import parse
 
 PRESET = "preset"
 _FOLDER = Path(__file__).parents[2] / "scenarios" / "presets"
@@ -38,7 +38,7 @@ class Preset:
 def presets() -> Mapping[str, Preset]:
     """All presets by name."""
     files = sorted(_FOLDER.glob("*.yaml"))
-    return {path.stem: Preset(**plain(parse(path.read_text(encoding="utf-8"), path.name))) for path in files}
+    return {path.stem: Preset(**parse(path.read_text(encoding="utf-8"), path.name)) for path in files}
 
 
 def _known(name: Any) -> str:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from datetime import date
 from typing import Any, Literal, NamedTuple
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.constructor import RoundTripConstructor
+from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.scalarbool import ScalarBoolean
+from ruamel.yaml.nodes import MappingNode, SequenceNode
 
 from ...errors import BadInput
 
@@ -39,8 +37,9 @@ class Problem(NamedTuple):
 class Document:
     """A mapping read from a file, with overrides applied.
 
-    `tree` is what the file says, with positions; `data` what holds, as plain values; `overrides` maps the path
-    from which on an override made everything new to its key as it was written.
+    tree: the root node of the file, with positions.
+    data: the values in force, as plain data.
+    overrides: path below which an override set everything → its key on the command line.
     """
 
     label: str
@@ -69,11 +68,13 @@ class Document:
         """The position of a value or its key, or the override that it came from."""
         if covering := self._covering(path):
             return f"--set {self.overrides[max(covering, key=len)]}"
-        tree, mark = self.tree, _mark(self.tree, None) or (0, 0)
+        node, mark = self.tree, self.tree.start_mark
         for depth, part in enumerate(path, start=1):
-            mark = _mark(tree, part, of_key and depth == len(path)) or mark
-            tree = _child(tree, part)
-        return f"{self.label}:{mark[0] + 1}:{mark[1] + 1}"
+            if (entry := _entry(node, part)) is None:
+                break
+            key, node = entry
+            mark = (key if of_key and depth == len(path) else node).start_mark
+        return f"{self.label}:{mark.line + 1}:{mark.column + 1}"
 
 
 def _words(path: Loc) -> tuple[str, ...]:
@@ -98,94 +99,83 @@ def describe(data: Any, problem: Problem) -> str:
     return ": ".join(filter(None, (".".join(_words(path)), problem.message)))
 
 
-def _key(tree: Any, part: str | int) -> Any:
-    """The key as the file has it: `1` and not `"1"`."""
-    return next((key for key in tree if str(key) == part), part) if isinstance(tree, CommentedMap) else part
+def _entry(node: Any, part: str | int) -> tuple[Any, Any] | None:
+    """The nodes of a key and its value in a mapping, or an item of a list twice; None where there is none."""
+    if isinstance(node, MappingNode):
+        return next(((key, value) for key, value in reversed(node.value) if key.value == str(part)), None)
+    if isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
+        return node.value[part], node.value[part]
+    return None
 
 
-def _child(tree: Any, part: str | int) -> Any:
-    try:
-        return tree[_key(tree, part)]
-    except (KeyError, IndexError, TypeError):
-        return None
+class _Refused(MarkedYAMLError):
+    """YAML that a scenario may not contain."""
 
 
-def _mark(tree: Any, part: str | int | None, of_key: bool = False) -> tuple[int, int] | None:
-    """Line and column, from 0, of a container (`part` None) or of what is in it; None where the file has none."""
-    if not isinstance(tree, CommentedMap | CommentedSeq):
-        return None
-    if part is None:
-        return tree.lc.line, tree.lc.col
-    try:
-        if isinstance(tree, CommentedMap):
-            mark = (tree.lc.key if of_key else tree.lc.value)(_key(tree, part))
-        else:
-            mark = tree.lc.item(part)
-    except (KeyError, TypeError, IndexError):
-        return None
-    return (mark[0], mark[1])
+class _Constructor(SafeConstructor):
+    """Constructs dicts with text keys, lists, text, decimal integers, floats, truth values and None.
 
+    Integers such as 01 and 0x1F would silently name the agents 1 and 31.
+    """
 
-class _NotDecimal(MarkedYAMLError):
-    """An integer of which the text is lost where a name is meant, such as 01."""
-
-
-class _Constructor(RoundTripConstructor):
-    """Constructs decimal integers only: 01 and 0x1F would silently name the agents 1 and 31."""
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """The mapping of a node, with text keys."""
+        found = super().construct_mapping(node, deep=deep)
+        texts = {str(key): value for key, value in found.items()}
+        if len(texts) < len(found):
+            keys = ", ".join(texts)
+            raise _Refused(
+                problem=f"one of the keys {keys} occurs twice, as number and as text", problem_mark=node.start_mark
+            )
+        return texts
 
     def construct_yaml_int(self, node: Any) -> Any:
         """The integer of a scalar."""
         value = super().construct_yaml_int(node)
         if node.value.lstrip("+-") != str(abs(value)):
             text = f"{node.value} is the number {value} to YAML: write {value}, or '{node.value}' in quotes for a name"
-            raise _NotDecimal(problem=text, problem_mark=node.start_mark)
+            raise _Refused(problem=text, problem_mark=node.start_mark)
         return value
 
+    def construct_undefined(self, node: Any) -> None:
+        """Refuse a value with a tag."""
+        text = f"{node.tag} has no place here: write plain text, numbers, lists and mappings"
+        raise _Refused(problem=text, problem_mark=node.start_mark)
 
-_Constructor.add_constructor("tag:yaml.org,2002:int", _Constructor.construct_yaml_int)
+
+_YAML = "tag:yaml.org,2002:"
+_Constructor.add_constructor(f"{_YAML}int", _Constructor.construct_yaml_int)
+_Constructor.add_constructor(f"{_YAML}timestamp", SafeConstructor.construct_yaml_str)
+for _name in ("binary", "set", "omap", "pairs"):
+    _Constructor.add_constructor(f"{_YAML}{_name}", _Constructor.construct_undefined)
+_Constructor.add_constructor(None, _Constructor.construct_undefined)
 
 
 def parse(text: str, label: str) -> Any:
-    """The YAML 1.2 value of a text, with positions.
+    """The YAML 1.2 value of a text, as plain data.
 
     Raises:
-        BadInput: not YAML, a key twice, or an integer that is not decimal; the message has label, line and column.
+        BadInput: not YAML, a key twice, a tag, or an integer that is not decimal; the message has label, line and
+            column.
     """
-    yaml = YAML(typ="rt", pure=True)
+    return _parsed(text, label)[1]
+
+
+def _parsed(text: str, label: str) -> tuple[Any, Any]:
+    """The root node, which has positions, and its value."""
+    yaml = YAML(typ="safe", pure=True)
     yaml.Constructor = _Constructor
     try:
-        return yaml.load(text)
+        node = yaml.compose(text)
+        return node, None if node is None else yaml.constructor.construct_document(node)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f"{label}:{mark.line + 1}:{mark.column + 1}" if mark else label
-        kind = "" if isinstance(error, _NotDecimal) else "not YAML: "
+        kind = "" if isinstance(error, _Refused) else "not YAML: "
         raise BadInput(f"{place}: {kind}{error.problem or error.context}") from error
     except (YAMLError, ValueError, RecursionError, NotImplementedError, AttributeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BadInput(f"{label}: not YAML: {reason}") from error
-
-
-def plain(value: Any) -> Any:
-    """A YAML value as dict with text keys, list, text, number, truth value or None.
-
-    Raises:
-        BadInput: a tag, or a key that occurs twice, as number and as text.
-    """
-    if isinstance(value, dict):
-        result = {str(key): plain(item) for key, item in value.items()}
-        if len(result) < len(value):
-            raise BadInput(f"one of the keys {', '.join(result)} occurs twice, as number and as text")
-        return result
-    if isinstance(value, list):
-        return [plain(item) for item in value]
-    if isinstance(value, ScalarBoolean):
-        return bool(value)
-    for kind in (bool, str, int, float):
-        if isinstance(value, kind):
-            return kind(value)
-    if value is None or isinstance(value, date):
-        return value and str(value)
-    raise BadInput(f"{getattr(value, 'tag', value)} has no place here: write plain text, numbers, lists and mappings")
 
 
 def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Document:
@@ -194,15 +184,11 @@ def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Docum
     Raises:
         BadInput: not YAML, empty, not a mapping, or an override that is none.
     """
-    tree = parse(text, label)
+    tree, data = _parsed(text, label)
     if tree is None:
         raise BadInput(f"{label}: the file is empty: `volery new NAME` writes one to start from")
-    if not isinstance(tree, dict):
-        raise BadInput(f"{label}:1:1: a scenario is a mapping of fields, and this is {type(tree).__name__}")
-    try:
-        data = plain(tree)
-    except BadInput as error:
-        raise BadInput(f"{label}: {error}") from error
+    if not isinstance(data, dict):
+        raise BadInput(f"{label}:1:1: a scenario is a mapping of fields, and this is {type(data).__name__}")
     data, keys = assign(data, overrides, "--set ")
     return Document(label, tree, data, keys)
 
@@ -226,7 +212,7 @@ def assign(
         place = f"{label}{key.strip()}"
         try:
             new = _new_from(data, path)
-            data = _put(data, path, plain(parse(written, place)), "")
+            data = _put(data, path, parse(written, place), "")
         except BadInput as error:
             raise BadInput(str(error) if str(error).startswith(place) else f"{place}: {error}") from error
         keys = {old: name for old, name in keys.items() if old[: len(new)] != new} | {new: key.strip()}

@@ -15,7 +15,7 @@ from volery.experiments.scenario.explaining import read
 from volery.experiments.scenario.library import builtin_scenarios, new_scenario_text, scenario_text
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.schema import Scenario, json_schema
-from volery.experiments.scenario.yaml_document import parse, plain
+from volery.experiments.scenario.yaml_document import parse
 
 from .conftest import TEXT
 from .test_resolved import EVERY_FAULT
@@ -34,7 +34,7 @@ def validator() -> Draft202012Validator:
 
 def refused(text: str) -> list[str]:
     """What a validator says against a scenario."""
-    data = plain(parse(text, "a scenario"))
+    data = parse(text, "a scenario")
     return [f"{error.json_path}: {error.message[:200]}" for error in validator().iter_errors(data)]
 
 

@@ -185,8 +185,8 @@ def test_a_loop_without_any_delay_is_refused(refusal: Refusal) -> None:
         ("seed: 7\nname: [", "s.yaml:2:8: not YAML"),
         ("seed: 7\n\tname: x\n", "s.yaml:2:1: not YAML"),
         ("seed: 7\nseed: 8\n", "s.yaml:2:1: not YAML: found duplicate key"),
-        ("name: !!python/name:os.system x\n", "has no place here"),
-        ("1: a\n'1': b\n", "occurs twice"),
+        ("name: !!python/name:os.system x\n", "s.yaml:1:7: tag:yaml.org,2002:python/name:os.system has no place here"),
+        ("1: a\n'1': b\n", "s.yaml:1:1: one of the keys 1 occurs twice"),
         ("name: \x00\n", "s.yaml: not YAML"),
     ],
 )

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volery.errors import BadInput
-from volery.experiments.scenario.yaml_document import assign, parse, plain
+from volery.experiments.scenario.yaml_document import assign, parse
 from volery.topologies.graph_settings import Line, Ring
 from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.loss_settings import Bernoulli, GilbertElliott
@@ -77,7 +77,7 @@ def test_the_later_override_wins(load: Load) -> None:
         ("faults.2.at=3 s", "--set faults.2.at: 'faults' is a list of 2, '2' is no index"),
         ("faults.first.at=3 s", "--set faults.first.at: 'faults' is a list of 2, 'first' is no index"),
         ("duration=", "--set duration: None has no unit"),
-        ("name=!x y", "--set name: "),
+        ("name=!x y", "--set name:1:1: !x has no place here"),
     ],
 )
 def test_an_error_names_the_override(refusal: Refusal, override: str, message: str) -> None:
@@ -110,4 +110,4 @@ def test_what_was_put_is_found_and_all_else_stays(data: dict[str, object], path:
 def test_no_text_breaks_the_reader(text: str) -> None:
     """Any text is read or refused, with no other error."""
     with contextlib.suppress(BadInput):
-        plain(parse(text, "text"))
+        parse(text, "text")
