@@ -11,17 +11,17 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from types import FrameType
 from typing import Any, Literal
 
 from ..agents.loaded_sources import loaded_sources
 from ..agents.plan import Plan
 from ..agents.process import Pace
-from ..errors import BadInput, RunFailed
+from ..errors import BadInput
 from ..names import LONGEST_RUN, check_length
 from ..transport.faults import Kill, in_force
 from ..transport.keys import Keys
@@ -46,6 +46,7 @@ from .whole_files import write_whole
 
 Engine = Literal["zenoh", "twin"]
 FLUSH_EVERY_S = 0.2
+_LOOK_EVERY_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -84,16 +85,27 @@ Watch = Callable[[Status], None]
 
 
 def execute(
-    plan: Plan, scenario: str, options: Options, watch: Watch | None = None, files: Sequence[Path] = ()
+    plan: Plan,
+    scenario: str,
+    options: Options,
+    watch: Watch | None = None,
+    files: Sequence[Path] = (),
+    stop: threading.Event | None = None,
 ) -> Outcome:
-    """Run a plan to the end; `watch` is shown the status some times a second.
+    """Run a plan to the end, or until Ctrl-C; what was recorded until then is kept.
 
-    `scenario`: the YAML text that the plan was made from, kept for people, as are the data `files` that it names.
-
+    Args:
+        plan: what to run.
+        scenario: the YAML text that the plan was made from, kept for people.
+        options: how.
+        watch: is shown the status some times a second.
+        files: data that the scenario names, kept too.
+        stop: ends the run early once it is set, from whatever thread.
     Raises:
         BadInput: the plan or an option does not fit; nothing is left behind.
         RunFailed: the swarm could not be started.
     """
+    stop = stop or threading.Event()
     realtime = (options.engine, options.pace) == ("zenoh", "realtime")
     check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
     folder = _new_folder(options, plan.name)
@@ -103,17 +115,17 @@ def execute(
         write_plan(folder, plan, kept_modules())
         keep_sources(folder, loaded_sources())
         _write_info(folder, {**info, "status": "running"})
-        with Recorder(folder) as recorder:
+        with Recorder(folder) as recorder, _set_on_signals(stop):
             if options.engine == "twin":
-                ending = _run_twin(plan, recorder, watch)
+                ending = _run_twin(plan, recorder, watch, stop)
             else:
                 with BackgroundSink(recorder) as sink:
-                    ending = asyncio.run(_run_swarm(plan, sink, folder, options, watch))
+                    ending = _in_a_loop(_run_swarm(plan, sink, folder, options, watch, stop))
     except BadInput:
         shutil.rmtree(folder)
         raise
-    except RunFailed as error:
-        _write_info(folder, {**info, "status": "failed", "problems": [str(error)]})
+    except BaseException as error:
+        _write_info(folder, {**info, "status": "failed", "problems": [str(error) or repr(error)]})
         raise
     keep_sources(folder, {**loaded_sources(), **ending.sources}, files)
     status = "failed" if ending.problems else "finished"
@@ -136,11 +148,10 @@ def _evaluated(record: Record, folder: Path, info: dict[str, Any]) -> Record:
     return replace(record, info=info)
 
 
-def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
+def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None, stop: threading.Event) -> Ending:
     began = time.monotonic()
     status = Status(plan)
     everybody = {agent.name for agent in plan.all_agents}
-    interrupted: list[int] = []
 
     def go_on(now_ns: int) -> bool:
         faults = in_force(plan.faults, now_ns)
@@ -149,35 +160,44 @@ def _run_twin(plan: Plan, recorder: Recorder, watch: Watch | None) -> Ending:
         status.faults = in_words(faults, len(plan.links))
         if watch is not None:
             watch(status)
-        return not interrupted
+        return not stop.is_set()
 
-    with _on_interrupt(lambda number, _frame: interrupted.append(number)):
-        Twin(plan, WatchedSink(recorder, status)).run(go_on)
+    Twin(plan, WatchedSink(recorder, status)).run(go_on)
     return Ending((), time.monotonic() - began)
 
 
 @contextlib.contextmanager
-def _on_interrupt(handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Ctrl-C ends the run and not the program; in another thread than the main one it cannot be caught."""
+def _set_on_signals(stop: threading.Event) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the run and not the program; only the main thread hears of them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, handle)
+    numbers = signal.SIGINT, signal.SIGTERM
+    before = [signal.signal(number, lambda _number, _frame: stop.set()) for number in numbers]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
-async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None) -> Ending:
+def _in_a_loop(work: Coroutine[Any, Any, Ending]) -> Ending:
+    """What `asyncio.run` gives; in a thread of its own where this one has a loop that runs, as in a notebook."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return asyncio.run(work)
+    with ThreadPoolExecutor(1, "volery") as thread:
+        return thread.submit(asyncio.run, work).result()
+
+
+async def _run_swarm(
+    plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None, stop: threading.Event
+) -> Ending:
     swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen, folder / SOURCES_FOLDER)
     injector = Injector(swarm)
     control_server = ControlServer(swarm, injector)
     loop = asyncio.get_running_loop()
-    stopping: set[asyncio.Task[None]] = set()
-
-    def interrupted() -> None:
-        stopping.add(loop.create_task(swarm.stop()))
 
     async def look_after() -> None:
         while True:
@@ -187,9 +207,16 @@ async def _run_swarm(plan: Plan, sink: BackgroundSink, folder: Path, options: Op
             if watch is not None:
                 watch(swarm.status)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, interrupted)
-    helpers = [loop.create_task(look_after()), loop.create_task(control_server.serve(Keys(folder.name), folder))]
+    async def stop_when_set() -> None:
+        while not stop.is_set():  # noqa: ASYNC110 - it is set by signals and other threads
+            await asyncio.sleep(_LOOK_EVERY_S)
+        await swarm.stop()
+
+    helpers = [
+        loop.create_task(look_after()),
+        loop.create_task(stop_when_set()),
+        loop.create_task(control_server.serve(Keys(folder.name), folder)),
+    ]
     try:
         ending = await swarm.run()
         if watch is not None:

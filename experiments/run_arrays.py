@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import tempfile
+import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -75,8 +77,13 @@ class Run:
         return figures.draw(self.record, which, out or self.folder / FIGURES_FOLDER, formats)
 
 
-def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str], options: Options) -> Run:
-    """Run a scenario to the end, without a display.
+def run_scenario(
+    scenario: str | Path | Mapping[str, Any],
+    overrides: Sequence[str],
+    options: Options,
+    stop: threading.Event | None = None,
+) -> Run:
+    """Run a scenario to the end, or until `stop` is set, without a display.
 
     Raises:
         BadInput: the scenario or an option does not fit.
@@ -84,10 +91,29 @@ def run_scenario(scenario: str | Path | Mapping[str, Any], overrides: Sequence[s
     """
     read = read_any(scenario, overrides)
     for note in read.notes:
-        warnings.warn(note, stacklevel=3)
+        warnings.warn(note, stacklevel=4)
     validate_plan(read.plan, read.scenario.overload)
-    outcome = execute(read.plan, resolved_yaml(read.scenario), options, files=read.files)
+    outcome = execute(read.plan, resolved_yaml(read.scenario), options, files=read.files, stop=stop)
     return Run(outcome.folder, outcome.record)
+
+
+async def run_scenario_async(
+    scenario: str | Path | Mapping[str, Any], overrides: Sequence[str], options: Options
+) -> Run:
+    """The same in another thread; where the task is cancelled, the run is ended first, and kept.
+
+    Raises:
+        BadInput: the scenario or an option does not fit.
+        RunFailed: the swarm could not be started.
+    """
+    stop = threading.Event()
+    running = asyncio.create_task(asyncio.to_thread(run_scenario, scenario, overrides, options, stop))
+    try:
+        return await asyncio.shield(running)
+    except asyncio.CancelledError:
+        stop.set()
+        await asyncio.wait([running])
+        raise
 
 
 def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> LoadedScenario:

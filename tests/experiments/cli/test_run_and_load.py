@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 
 import volery as package
 from volery.errors import BadInput
+from volery.experiments import python_api
 
 from .conftest import SCENARIO, Volery
 
@@ -18,7 +19,7 @@ from .conftest import SCENARIO, Volery
 def test_example_of_the_docstring(volery: Volery) -> None:
     """The example in `volery.run` is true."""
     assert volery is not None
-    assert doctest.testmod(package) == doctest.TestResults(failed=0, attempted=8)
+    assert doctest.testmod(python_api) == doctest.TestResults(failed=0, attempted=8)
 
 
 def test_a_mapping_is_a_scenario_like_its_file(volery: Volery) -> None:
