@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 from ..errors import VoleryError
 
 Precision = Literal["float64", "float32", "float16"]
-_CODES: dict[Precision, int] = {"float64": 8, "float32": 4, "float16": 2}
-_TYPES: dict[int, np.dtype[np.floating[Any]]] = {8: np.dtype("<f8"), 4: np.dtype("<f4"), 2: np.dtype("<f2")}
+DTYPES: dict[Precision, np.dtype[np.floating[Any]]] = {
+    "float64": np.dtype("<f8"),
+    "float32": np.dtype("<f4"),
+    "float16": np.dtype("<f2"),
+}
+_TYPE_OF_CODE = {dtype.itemsize: dtype for dtype in DTYPES.values()}
 
 
 class DamagedPayload(VoleryError):
@@ -25,12 +29,12 @@ class DamagedPayload(VoleryError):
 
 def encode(values: Any, precision: Precision = "float64") -> bytes:
     """MessagePack of plain values and one-dimensional arrays; an array becomes an extension of its raw numbers."""
-    code = _CODES[precision]
+    dtype = DTYPES[precision]
 
     def array(value: object) -> msgpack.ExtType:
         if not isinstance(value, np.ndarray) or value.ndim != 1:
             raise TypeError(f"a payload holds plain values and one-dimensional arrays, not {value!r}")
-        return msgpack.ExtType(code, value.astype(_TYPES[code], copy=False).tobytes())
+        return msgpack.ExtType(dtype.itemsize, value.astype(dtype, copy=False).tobytes())
 
     packed: bytes = msgpack.packb(values, default=array)
     return packed
@@ -49,4 +53,4 @@ def decode(payload: bytes) -> Any:
 
 
 def _array(code: int, data: bytes) -> NDArray[np.float64]:
-    return np.frombuffer(data, dtype=_TYPES[code]).astype(np.float64)
+    return np.frombuffer(data, dtype=_TYPE_OF_CODE[code]).astype(np.float64)

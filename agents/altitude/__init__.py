@@ -1,1 +1,1 @@
-"""The agent that estimates the altitude from what nodes with sensors tell."""
+"""The agent that estimates the altitude from the measurements of sensor nodes."""

@@ -1,7 +1,7 @@
-"""The agent that estimates the altitude from what its neighbours, nodes with sensors, tell: Bavle 2017 as a network.
+"""The agent that estimates the altitude from the measurements of its neighbours, sensor nodes: Bavle 2017.
 
-Measurements are used in the order of their stamps, however late they come; an estimate is a prediction to the instant
-at which it is asked for, and changes nothing.
+Measurements are used in the order of their stamps, however late they arrive; an estimate is a prediction to the
+instant of the report, and does not change the filter.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ class AltitudeEkf(Agent):
         return Replay(belief, belief.time_ns, step, self.parameters.history)
 
     def start(self) -> None:
-        """The first estimate is at the next instant of the rate."""
+        """Set the timer of the first estimate, at the next instant of the rate."""
         self._wait(first_period(self.parameters.rate, self.context.now_ns))
 
     def _wait(self, index: int) -> None:
         self.context.set_timer(period_ns(self.parameters.rate, index), index=index)
 
     def on_frame(self, frame: Received) -> None:
-        """Use the measurement where its stamp belongs."""
+        """Use the measurement at its stamp."""
         try:
             measurement = measurements.decode(frame.payload)
         except DamagedPayload:
@@ -72,7 +72,7 @@ class AltitudeEkf(Agent):
         return measurement.values.size == size and bool(np.isfinite(measurement.values).all())
 
     def on_timer(self, timer: Timer) -> None:
-        """Say what is believed of this instant."""
+        """Report the estimate of this instant."""
         latest = self._replay.latest
         belief = self._filter.predict(latest, max(timer.time_ns, latest.time_ns))
         for quantity, value in reported(self.parameters, self._filter, belief):
@@ -82,23 +82,23 @@ class AltitudeEkf(Agent):
         self._wait(timer.index + 1)
 
     def save(self) -> Any:
-        """What is believed, and the counts; the history is not kept."""
+        """Estimate and counts; the history is not kept."""
         latest = self._replay.latest
         belief = [latest.time_ns, latest.mean.tolist(), latest.covariance.tolist(), latest.jumps]
         return [belief, list(self._counts.values())]
 
     def restore(self, state: Any) -> None:
-        """Go on from there; the next measurement predicts over the gap."""
+        """Restore them; the next measurement predicts over the gap."""
         (time_ns, mean, covariance, jumps), counts = state
         self._replay = self._from(Belief(time_ns, np.array(mean), np.array(covariance), jumps))
         self._counts = dict(zip(OUTCOMES, counts, strict=True))
 
     @classmethod
     def sends_per_second(cls, parameters: AltitudeEkfParameters) -> float:
-        """It only listens."""
+        """It never sends."""
         return 0.0
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """Components without a node, and nodes without a component or with another number of values."""
+        """See `altitude_network.problems`."""
         return network.problems(plan)

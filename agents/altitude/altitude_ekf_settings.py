@@ -1,4 +1,4 @@
-"""What a scenario may say of the agent that estimates the altitude."""
+"""Parameters of the agent that estimates the altitude."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class AltitudeEkfParameters:
     """Parameters of the estimating agent; the filter is put together from its components.
 
     rate: estimates per second.
-    history: how far back measurements are kept, so that late ones find their place.
-    imus, barometers, range_finders: name → component. A name is that of the node which sends the measurements; of a
-        node with several sensors it is NODE.1, NODE.2 and so on for those after the first.
-    robot, ground: the two components that every such filter has.
-    jumps: what is made of a ground that jumps.
+    history: for how long measurements are kept, so that late ones can be inserted.
+    imus, barometers, range_finders: name → component. The name is that of the node that sends the measurements; for
+        a node with several sensors, those after the first are NODE.1, NODE.2 and so on.
+    robot, ground: components that every filter has.
+    jumps: how jumps of the ground are handled.
     """
 
     rate: Hertz = 20.0
@@ -49,9 +49,9 @@ class AltitudeEkfParameters:
             refuse_idle(self.jumps, _FLOOR, because, "jumps.")
 
     def components(self) -> list[tuple[str, Sensor]]:
-        """The sensors' components by name, of one kind after the other."""
+        """Name and component of all sensors."""
         return [*self.imus.items(), *self.barometers.items(), *self.range_finders.items()]
 
     def filter(self) -> ModularFilter:
-        """The filter of these components."""
+        """Filter with these components."""
         return ModularFilter(self.robot, self.ground, self.components(), self.jumps)

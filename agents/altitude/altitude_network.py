@@ -1,4 +1,4 @@
-"""The star around the agent that estimates the altitude: what is reported, and whether it fits together."""
+"""The star around the agent that estimates the altitude: reported quantities and checks."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .altitude_ekf_settings import AltitudeEkfParameters
 
 ALTITUDE, BIAS, COUNTS, DEVIATION = "altitude", "barometer bias", "measurements", "altitude deviation"
 OUTCOMES = ("in order", "replayed", "repeated", "too old", "ahead", "refused")
-"""What can become of a measurement; one that is ahead of the own clock is used too, as if it were of now."""
+"""Outcomes of a measurement; one that is ahead of the own clock is used as if it were of the present instant."""
 
 
 def component_name(node: str, sensor: int) -> str:
-    """The name of the component for a sensor of a node."""
+    """Name of the component of a node's sensor."""
     return f"{node}.{sensor}" if sensor else node
 
 
 def parameters_of(plan: Plan) -> AltitudeEkfParameters:
-    """Of the one agent of this kind."""
+    """Parameters of the only agent of this kind."""
     parameters = (agent.parameters for agent in plan.agents)
     return next(each for each in parameters if isinstance(each, AltitudeEkfParameters))
 
@@ -31,7 +31,7 @@ def parameters_of(plan: Plan) -> AltitudeEkfParameters:
 def reported(
     parameters: AltitudeEkfParameters, of: ModularFilter, belief: Belief
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """The quantities that are reported of a belief, and their values."""
+    """Reported quantities of an estimate and their values."""
     yield ALTITUDE, belief.mean[[0, GROUND, 1]]
     biases = [of.names.index(f"barometer bias of {name}") for name in parameters.barometers]
     if biases:
@@ -39,7 +39,7 @@ def reported(
 
 
 def problems(plan: Plan) -> Sequence[str]:
-    """Several hubs, own sensors, components without a node, nodes without one or with another number of values."""
+    """Problems: several hubs, sensors of the hub, components and nodes that do not match."""
     hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, AltitudeEkfParameters)]
     if len(hubs) > 1:
         return [f"agents {', '.join(hubs)} are altitude-ekf: a scenario has one, with sensor nodes around it"]
@@ -58,8 +58,8 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
     for node in neighbours:
         if not isinstance(plan.agent(node).parameters, SensorNodeParameters):
             continue
-        told = {component_name(node, number): widths(plan, node)[sensor] for sensor, number in numbers(plan, node)}
-        for name, width in told.items():
+        measured = {component_name(node, number): widths(plan, node)[sensor] for sensor, number in numbers(plan, node)}
+        for name, width in measured.items():
             if name not in parts:
                 yield f"what {name} measures would be refused: add a component {name} to {hub}, or remove the sensor"
             elif width is not None and width != of.size(name):
@@ -68,5 +68,5 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
                     "put it under imus, barometers or range_finders as the sensor is"
                 )
         for name in parts:
-            if name.partition(".")[0] == node and name not in told:
-                yield f"component {name} has no sensor: node {node} has {', '.join(told) or 'none'}"
+            if name.partition(".")[0] == node and name not in measured:
+                yield f"component {name} has no sensor: node {node} has {', '.join(measured) or 'none'}"

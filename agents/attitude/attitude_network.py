@@ -1,4 +1,4 @@
-"""The network of measurement units as a whole: who is in it, and what cannot work."""
+"""The network of measurement units: its members, and what makes it impossible."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .attitude_unit_settings import AttitudeParameters
 
 ATTITUDE, ALONE, OWN, MESSAGES = "attitude", "attitude-alone", "own-attitude", "messages"
 FATES = ("used", "too late", "ahead of the clock")
-"""What becomes of a message; one that is ahead is used too."""
+"""Outcomes of a message; one that is ahead is used too."""
 
 
 def units(plan: Plan) -> list[AgentPlan]:
@@ -24,12 +24,12 @@ def units(plan: Plan) -> list[AgentPlan]:
 
 
 def network(plan: Plan) -> list[AgentPlan]:
-    """Those of them that are in the network."""
+    """Measurement units in the network: those that are not alone."""
     return [unit for unit in units(plan) if not unit.parameters.is_alone(unit.name)]
 
 
 def partners(plan: Plan, name: str) -> list[str]:
-    """The units that a unit ever talks to."""
+    """Units with which a unit ever exchanges messages."""
     inside = {unit.name for unit in network(plan)}
     return [other for other in plan.agent(name).neighbours if other in inside] if name in inside else []
 
@@ -62,7 +62,7 @@ def _rates(plan: Plan) -> Iterator[str]:
 
 
 def _blind(plan: Plan) -> Iterator[str]:
-    """Nobody, or a unit alone, that sees any direction."""
+    """Problem of a network, or a unit that is alone, without a sensor."""
     if not any(_has(plan, unit.name, sensor) for unit in network(plan) for sensor in DIRECTIONS):
         yield "no unit of the network has a sensor: give one to a unit that is not alone in world.units"
     for unit in units(plan):
@@ -78,7 +78,7 @@ def _mountings(plan: Plan) -> Iterator[str]:
 
 
 def _unstable(plan: Plan) -> Iterator[str]:
-    """A step of the dynamic consensus that is too large for the graph."""
+    """Problem of a step of the dynamic consensus that is too large for the graph."""
     names = [unit.name for unit in network(plan)]
     graph = nx.Graph([(name, other) for name in names for other in partners(plan, name)])
     graph.add_nodes_from(names)
@@ -95,7 +95,7 @@ def _unstable(plan: Plan) -> Iterator[str]:
 
 
 def _late(plan: Plan) -> Iterator[str]:
-    """Frames that, at mean latency, come when they are too old already."""
+    """Problem of frames that, at mean latency, arrive too old to be used."""
     parameters = _parameters(plan)
     limit_ns = period_ns(parameters.rate, parameters.max_age)
     for unit in network(plan):

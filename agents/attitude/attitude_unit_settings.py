@@ -1,4 +1,4 @@
-"""What a scenario may say of a measurement unit, and what such units tell each other."""
+"""Parameters of a measurement unit, and the messages between units."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from ...units import Hertz, Nanoseconds, Radians, check_fields_above_zero, perio
 from .. import payloads
 from ..idle import refuse_idle
 from ..payloads import DamagedPayload, Precision
+from ..sample_counts import COUNTS
 
-COUNTS = 2**16
-"""Samples are counted modulo this on the wire."""
 _SPREAD = 8
 _MOST_DIRECTIONS = 2
 
@@ -30,16 +29,16 @@ class AttitudeParameters:
     """Parameters of a measurement unit; the lists of units by name are the same for all of them.
 
     rate: samples and rounds per second, the rate of the world's sensors.
-    mountings: unit → how its frame stands in that of the body; every unit with a sensor has one.
+    mountings: unit → attitude of its frame in that of the body; every unit with a sensor has one.
     gain: κ of the dynamic consensus.
     alpha: α of the projections, gamma: γ.
-    initial: attitude of the body to begin with.
-    alone: units outside of the network: they tell nobody, nobody tells them, and their prior is their own.
-    max_age: how many samples old what a neighbour told may be when it is used; each is used at most once.
-    trust: the root mean square residual up to which a sensor is trusted; without it all are, always.
+    initial: first estimate of the attitude.
+    alone: units outside of the network: they exchange no messages, and their prior is their own estimate.
+    max_age: age in samples up to which a message is used; each is used at most once.
+    trust: root mean square residual up to which a sensor is trusted; if not given, all are always trusted.
     forget: time constant of that mean.
     payload: precision of the numbers in a frame.
-    phase: rounds at common instants, or spread by a phase drawn from the seed.
+    phase: rounds of all units at the same instants, or shifted by a phase drawn from the seed.
     report_own: report the own estimate besides, as `own-attitude`.
     """
 
@@ -74,7 +73,7 @@ class AttitudeParameters:
             refuse_idle(self, ("forget",), "without trust no residual is looked at: leave it out, or write trust too")
 
     def mounting(self, name: str) -> Angles | None:
-        """How a unit is mounted, as far as it is known."""
+        """Mounting of a unit; None if not known."""
         return next((angles for unit, angles in self.mountings.items() if str(unit) == name), None)
 
     def is_alone(self, name: str) -> bool:
@@ -95,18 +94,18 @@ class AttitudeParameters:
     def largest_payload(self) -> int:
         """Bytes of the longest message."""
         zeros = AttitudeMessage(np.zeros(4), np.zeros(4))
-        return len(Told(COUNTS - 1, _MOST_DIRECTIONS, zeros).encode(self.payload))
+        return len(UnitMessage(COUNTS - 1, _MOST_DIRECTIONS, zeros).encode(self.payload))
 
     def spread_ns(self) -> int:
-        """Within how long the rounds of the units are spread."""
+        """Largest phase of a unit's rounds [ns]."""
         return 0 if self.phase == "aligned" else period_ns(self.rate, 1) // _SPREAD
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a unit tells its neighbours after a sample.
+class UnitMessage:
+    """Message of a unit to its neighbours after a sample.
 
-    count: index of the sample, modulo COUNTS. directions: how many its own estimate was learned from.
+    count: index of the sample, modulo COUNTS. directions: number of directions in its own estimate.
     """
 
     count: int
@@ -119,7 +118,7 @@ class Told:
         return payloads.encode([self.count, self.directions, numbers], precision)
 
     @classmethod
-    def decode(cls, payload: bytes) -> Told:
+    def decode(cls, payload: bytes) -> UnitMessage:
         """What was encoded, up to the precision.
 
         Raises:

@@ -1,7 +1,7 @@
 """Measurement units of a rigid body: each learns an attitude from its sensors, and all agree on one, Betanzos 2024.
 
-After each sample a unit ends a step of the dynamic consensus with what its neighbours told after the sample before,
-takes the average as the prior of its own estimate, and tells both.
+After each sample a unit does a step of the dynamic consensus with its neighbours' messages of the previous sample,
+takes the average as the prior of its own estimate, and sends both.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from ...units import first_period, period_ns
 from ...worlds.rigid_body.measurement_units import DIRECTIONS
 from ..agent import Agent, Context, Offer, Received, Sample, Timer
 from ..plan import Plan
+from ..sample_counts import COUNTS
 from . import attitude_network as network
 from .attitude_network import ALONE, ATTITUDE, OWN
-from .attitude_unit_settings import COUNTS, AttitudeParameters, Told
+from .attitude_unit_settings import AttitudeParameters, UnitMessage
 from .inbox import Inbox
 
 Floats = NDArray[np.float64]
@@ -32,11 +33,11 @@ _REFERENCES: Mapping[str, Floats] = {sensor: np.array(direction) for sensor, dir
 
 
 class AttitudeUnit(Agent):
-    """One unit, in the network or alone. One that comes later listens for up to a second before it begins.
+    """One unit, in the network or alone. One that starts later listens for up to a second before its first round.
 
     It reports the attitude of the body as a unit quaternion: in the network the average as `attitude`, alone its own
-    estimate as `attitude-alone`. `messages`, once a second, are how many it has used so far, how many came too late
-    and how many were ahead of its clock.
+    estimate as `attitude-alone`. `messages`, once a second, are the numbers of messages used, too late, and ahead of
+    its clock so far.
     """
 
     Parameters = AttitudeParameters
@@ -65,53 +66,53 @@ class AttitudeUnit(Agent):
         self.context.set_timer(period_ns(self.parameters.rate, index) + self._phase_ns, index=index)
 
     def on_sample(self, sample: Sample) -> None:
-        """Keep the direction for the round; a sensor that sees nothing, or nothing with a direction, gives none."""
+        """Keep the measured direction for the next round, unless the sensor saw nothing."""
         norm = 0.0 if sample.value is None else float(np.linalg.norm(sample.value))
         if sample.value is not None and 0.0 < norm < math.inf:
             self._seen[sample.sensor] = sample.value / norm
 
     def on_frame(self, frame: Received) -> None:
-        """Keep it for the round."""
-        self._inbox.put(frame.source, Told.decode(frame.payload))
+        """Keep the message for a round."""
+        self._inbox.put(frame.source, UnitMessage.decode(frame.payload))
 
     def on_timer(self, timer: Timer) -> None:
-        """A round: average, learn, report, tell."""
+        """One round: average, learn, report, send."""
         count = timer.index % COUNTS
-        heard = self._inbox.take(count, self._partners)
-        if self._state is None and not heard and timer.index < self._listens_until:
+        received = self._inbox.take(count, self._partners)
+        if self._state is None and not received and timer.index < self._listens_until:
             self._wait(timer.index + 1)
             return
-        prior = self._prior(heard)
-        directions, own = self._learned(prior, heard)
+        prior = self._prior(received)
+        directions, own = self._learned(prior, received)
         self._state = AttitudeMessage(own, own if self._alone else prior)
         self._report(timer.index)
         if not self._alone:
-            payload = Told(count, directions, self._state).encode(self.parameters.payload)
+            payload = UnitMessage(count, directions, self._state).encode(self.parameters.payload)
             for other in self._partners:
                 self.context.send(other, payload, stream="attitude")
         self._wait(timer.index + 1)
 
     @property
     def _partners(self) -> list[str]:
-        """The neighbours of now that are in the network, as it is."""
+        """Present neighbours in the network; none if this unit is alone."""
         if self._alone:
             return []
         return [other for other in self.context.neighbours if not self.parameters.is_alone(other)]
 
-    def _prior(self, heard: Mapping[str, Told]) -> Floats:
-        """The average after one more step, Betanzos 2024, (22); at first the neighbours' mean, or the initial one."""
+    def _prior(self, received: Mapping[str, UnitMessage]) -> Floats:
+        """Average after one step, Betanzos 2024, (22); at first the mean of the neighbours, or the initial value."""
         if self._state is None:
-            averages = [told.attitude.average for told in heard.values()]
+            averages = [message.attitude.average for message in received.values()]
             return mean_quaternion(np.array(averages)) if averages else euler_to_quaternion(*self.parameters.initial)
         if self._alone:
             return self._state.average
-        received = {source: told.attitude for source, told in heard.items()}
-        return consensus_step(self._state, received, self.parameters.step)
+        attitudes = {source: message.attitude for source, message in received.items()}
+        return consensus_step(self._state, attitudes, self.parameters.step)
 
-    def _learned(self, prior: Floats, heard: Mapping[str, Told]) -> tuple[int, Floats]:
-        """From how many directions, and what they make of the prior, in the body's frame: (20), (18), (19), (21)."""
+    def _learned(self, prior: Floats, received: Mapping[str, UnitMessage]) -> tuple[int, Floats]:
+        """Number of directions used, and the attitude learned from them and the prior: (20), (18), (19), (21)."""
         frame = quaternion_product(prior, self._mounting)
-        sensors = self._usable(frame, heard)
+        sensors = self._usable(frame, received)
         observed, references = [self._seen[sensor] for sensor in sensors], [_REFERENCES[sensor] for sensor in sensors]
         self._seen = {}
         if not sensors:
@@ -119,8 +120,8 @@ class AttitudeUnit(Agent):
         learned = learned_quaternion(frame, observed, references, self.parameters.alpha, self.parameters.gamma)
         return len(sensors), quaternion_product(learned, conjugate(self._mounting))
 
-    def _usable(self, frame: Floats, heard: Mapping[str, Told]) -> list[str]:
-        """The sensors that saw something and are trusted; all that did where nobody around has any to trust."""
+    def _usable(self, frame: Floats, received: Mapping[str, UnitMessage]) -> list[str]:
+        """Sensors that saw something and are trusted; all that saw something where no neighbour used a direction."""
         seen = [sensor for sensor in _REFERENCES if sensor in self._seen]
         bound = self.parameters.trust
         if bound is None or self._alone:
@@ -133,7 +134,7 @@ class AttitudeUnit(Agent):
                 self.context.note("sensor trusted again" if now.trusted else "sensor put aside", sensor=sensor)
             self._trust[sensor] = now
         trusted = [sensor for sensor in seen if self._trust[sensor].trusted]
-        return trusted or ([] if any(told.directions for told in heard.values()) else seen)
+        return trusted or ([] if any(message.directions for message in received.values()) else seen)
 
     def _report(self, index: int) -> None:
         assert self._state is not None, "a round has made it"
@@ -150,7 +151,7 @@ class AttitudeUnit(Agent):
         return [state, {sensor: [trust.mean_square, trust.trusted] for sensor, trust in self._trust.items()}]
 
     def restore(self, state: Any) -> None:
-        """Go on from there; what neighbours told before the death is gone."""
+        """Restore the attitudes and the trust; messages from before the kill are lost."""
         attitudes, trust = state
         if attitudes is not None:
             self._state = AttitudeMessage(*(np.array(attitude) for attitude in attitudes))
@@ -158,16 +159,16 @@ class AttitudeUnit(Agent):
 
     @classmethod
     def offers(cls, plan: Plan, name: str) -> Offer:
-        """One frame a sample to each neighbour; nothing where it is alone, or among such."""
+        """One frame per sample to each neighbour; none where it or all its neighbours are alone."""
         parameters: AttitudeParameters = plan.agent(name).parameters
         return Offer(parameters.largest_payload, parameters.rate if network.partners(plan, name) else 0.0)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """What makes a plan impossible for such units."""
+        """See `attitude_network.problems`."""
         return network.problems(plan)
 
 
 def _angle(first: Floats, second: Floats) -> float:
-    """Between two unit vectors [rad]."""
+    """Angle between two unit vectors [rad]."""
     return 2.0 * math.atan2(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second)))

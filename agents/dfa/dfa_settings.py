@@ -1,4 +1,4 @@
-"""What a scenario may say of a flying-array module."""
+"""Parameters of a flying-array module."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import numpy as np
 from ...errors import BadInput
 from ...units import Count, Hertz, check_fields_above_zero, period_ns
 from .. import payloads
+from ..sample_counts import COUNTS
 from .estimators import CONSENSUS, message_size
-
-COUNTS = 2**16
-"""Samples are counted modulo this on the wire."""
 
 _SYNCHRONOUS_SPREAD = 8
 
@@ -28,10 +26,10 @@ class DfaParameters:
 
     rate: samples per second, the rate of the world's sensors.
     rounds: rounds of communication per sample.
-    timing: whether a round waits for its own frames or uses what was heard last.
+    timing: whether a round uses the frames of that round only, or the newest frame of each neighbour.
     payload: precision of the numbers in a frame.
-    model: whether the estimate of the linearised model is turned into the exact state of the tilted plane.
-    phase: rounds at common instants, or spread by a phase drawn from the seed.
+    model: report the state of the linearised model, or convert it to the exact state of the tilted plane.
+    phase: rounds of all modules at the same instants, or shifted by a phase drawn from the seed.
     hold: keep the first sample, so that consensus runs on one measurement.
     report_rounds: report the estimate after every round, as `estimate/round`.
     """
@@ -66,7 +64,7 @@ class DfaParameters:
         return len(payloads.encode([COUNTS - 1, self.rounds, longest], self.payload))
 
     def spread_ns(self) -> int:
-        """Within how long the rounds of the modules are spread: less where they wait for each other."""
+        """Largest phase of a module's rounds [ns]: shorter for synchronous rounds, which need each other's frames."""
         if self.phase == "aligned":
             return 0
         share = _SYNCHRONOUS_SPREAD if self.timing == "synchronous" else 1

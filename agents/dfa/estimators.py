@@ -1,6 +1,6 @@
-"""The estimators that a flying-array module can run, as rounds: a message to each neighbour, then what was heard.
+"""Estimators of a flying-array module, in rounds: send a message to each neighbour, then update with those received.
 
-A value of a round is a plain vector; None where there is nothing to say yet.
+A message is a vector; None where there is nothing to send yet.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ CONSENSUS = {
     "running-sum": "running-sum",
     "flow-updating": "flow-updating",
 }
-"""Estimators by consensus on (P, q), and the law of average consensus that each rests on."""
+"""Estimator by consensus on (P, q) → its law of average consensus."""
 
 _STATE_SIZE = 3
 
 
 class Rounds(Protocol):
-    """An estimator in rounds."""
+    """An estimator that works in rounds."""
 
     def take(self, distance: float | None) -> None:
-        """A new measurement of the own distance in metres; None where the sensor saw nothing."""
+        """Take in a measured distance [m]; None where the sensor saw nothing."""
 
     def message(self, target: str) -> Vector | None:
-        """What to tell a neighbour in this round."""
+        """Message to a neighbour in this round."""
 
-    def hear(self, received: Mapping[str, Vector]) -> None:
-        """End the round with what the neighbours told."""
+    def update(self, received: Mapping[str, Vector]) -> None:
+        """End the round with the messages received: neighbour → message."""
 
     def estimate(self) -> Vector | None:
-        """(z, γ, β) [m, rad, rad] as the linearised model has it, or None while it cannot be told."""
+        """(z, γ, β) [m, rad, rad] as the linearised model has it, or None as long as it is not determined."""
 
     def save(self) -> Any:
-        """What a death may leave to the next life, as plain values; None for nothing."""
+        """State for the next incarnation as plain values; None for none."""
 
     def restore(self, saved: Any) -> None:
-        """Go on from there."""
+        """Restore what `save` gave."""
 
 
 class ConsensusRounds:
     """Consensus on information pairs, Kriegleder 2012, (21)-(30), by any law of average consensus.
 
-    A module whose sensor saw nothing takes part with P = 0 and q = 0: the ratio of the averages is not changed by it.
+    A module whose sensor saw nothing contributes P = 0 and q = 0, which leaves the ratio of the averages as it is.
     """
 
     def __init__(self, law: str, position: Position, weights: Mapping[str, float]) -> None:
@@ -67,7 +67,7 @@ class ConsensusRounds:
         self._state: Any = None
 
     def take(self, distance: float | None) -> None:
-        """Begin, or move the own input to the new measurement."""
+        """Start from the first measurement, or replace the own input by a new one."""
         value = np.zeros(PACKED_SIZE) if distance is None else pack_pair(initial_pair(self._position, distance))
         if self._state is None:
             self._state = self._law.start(value, self._weights)
@@ -75,10 +75,10 @@ class ConsensusRounds:
             self._state = self._law.update(self._state, value)
 
     def message(self, target: str) -> Vector | None:
-        """The law's message."""
+        """Message of the law."""
         return None if self._state is None else self._law.message(self._state, target)
 
-    def hear(self, received: Mapping[str, Vector]) -> None:
+    def update(self, received: Mapping[str, Vector]) -> None:
         """One round of the law."""
         if self._state is None:
             return
@@ -87,27 +87,27 @@ class ConsensusRounds:
         self._state = self._law.round(self._state)
 
     def estimate(self) -> Vector | None:
-        """P⁻¹ q of the averages held."""
+        """P⁻¹ q of the averages so far."""
         return None if self._state is None else estimate(unpack_pair(self._law.value(self._state)))
 
     def save(self) -> Any:
-        """The state of the law, member by member."""
+        """State of the law, field by field."""
         if self._state is None:
             return None
         return {member.name: _to_plain(getattr(self._state, member.name)) for member in fields(self._state)}
 
     def restore(self, saved: Any) -> None:
-        """The same state, to the last bit."""
+        """Restore the state of the law, bit by bit."""
         if saved is not None:
-            begun = self._law.start(np.zeros(PACKED_SIZE), self._weights)
-            self._state = replace(begun, **{name: _from_plain(value) for name, value in saved.items()})
+            initial = self._law.start(np.zeros(PACKED_SIZE), self._weights)
+            self._state = replace(initial, **{name: _from_plain(value) for name, value in saved.items()})
 
 
 class NeighbourhoodRounds:
-    """Least squares over what the neighbours measured, Kriegleder 2012, (16)-(18).
+    """Least squares over the neighbours' measurements, Kriegleder 2012, (16)-(18).
 
-    The first round exchanges positions and distances; in later ones estimates travel to the modules that cannot solve,
-    and with `averaging` those that have one average them towards (19).
+    The first round exchanges positions and distances. In later ones estimates are forwarded to modules that have none;
+    with `averaging`, modules that have one average it with their neighbours', (19).
     """
 
     def __init__(self, position: Position, weights: Mapping[str, float], *, averaging: bool) -> None:
@@ -119,48 +119,50 @@ class NeighbourhoodRounds:
         self._round = 0
 
     def take(self, distance: float | None) -> None:
-        """Begin anew with a measurement."""
+        """Start again with a measurement."""
         self._measured = None if distance is None else np.array([*self._position, distance])
         self._held = None
         self._round = 0
 
     def message(self, target: str) -> Vector | None:
-        """Position and distance at first, then the estimate held and its hops."""
+        """Position and distance in the first round, then the estimate and its number of hops."""
         if self._round == 0:
             return self._measured
         return None if self._held is None else np.append(self._held.state, float(self._held.hops))
 
-    def hear(self, received: Mapping[str, Vector]) -> None:
-        """Solve, hand on, or average."""
+    def update(self, received: Mapping[str, Vector]) -> None:
+        """Solve, forward, or average."""
         if self._round == 0:
             rows = [row for row in (self._measured, *_in_order(received)) if row is not None]
             measured = np.array(rows).reshape(-1, 3)
             state = neighbourhood_estimate(measured[:, :2], measured[:, 2]) if rows else None
             self._held = None if state is None else ForwardedEstimate(state)
         else:
-            told = {name: ForwardedEstimate(row[:_STATE_SIZE], int(row[_STATE_SIZE])) for name, row in received.items()}
+            theirs = {
+                name: ForwardedEstimate(row[:_STATE_SIZE], int(row[_STATE_SIZE])) for name, row in received.items()
+            }
             if self._averaging and self._held is not None:
-                states = {name: held.state for name, held in told.items()}
+                states = {name: estimate.state for name, estimate in theirs.items()}
                 self._held = ForwardedEstimate(
                     weighted_average(self._held.state, states, self._weights), self._held.hops
                 )
             else:
-                self._held = forwarded_estimate(self._held, told)
+                self._held = forwarded_estimate(self._held, theirs)
         self._round += 1
 
     def estimate(self) -> Vector | None:
-        """What it holds."""
+        """The own or forwarded estimate."""
         return None if self._held is None else self._held.state
 
     def save(self) -> None:
-        """Each sample begins anew, so there is nothing to keep."""
+        """Keep nothing: each sample starts again."""
 
     def restore(self, saved: Any) -> None:
-        """Nothing was kept."""
+        """Nothing to restore."""
 
 
 def _to_plain(value: Any) -> Any:
-    """A vector, a number, or several of them by name, as MessagePack has them."""
+    """Convert a vector, a number, or a mapping of them to plain values for MessagePack."""
     if isinstance(value, Mapping):
         return {name: _to_plain(member) for name, member in value.items()}
     return value.tolist() if isinstance(value, np.ndarray) else value
@@ -177,7 +179,7 @@ def _in_order(received: Mapping[str, Vector]) -> list[Vector]:
 
 
 def rounds(estimator: str, position: Position, weights: Mapping[str, float]) -> Rounds:
-    """The estimator of this name, for a module at `position` [m] with neighbour → w_ij."""
+    """Estimator of this name for a module at `position` [m], with weights neighbour → w_ij."""
     if estimator in CONSENSUS:
         return ConsensusRounds(CONSENSUS[estimator], position, weights)
     return NeighbourhoodRounds(position, weights, averaging=estimator == "estimate-averaging")

@@ -1,4 +1,4 @@
-"""Flying-array modules with rate gyros: turned by what the gyros say, corrected by what all distance sensors see.
+"""Flying-array modules with rate gyros: predicted with the gyros, corrected with the distance sensors of all modules.
 
 Kriegleder 2012 estimates each sample by itself and leaves the fusion with gyroscopes open. Here a module predicts its
 state by its own gyros, and a distributed filter fuses predictions and distances over the links. Letters: state
@@ -25,18 +25,18 @@ from ..fusion.problem import Problem, Readings
 from ..plan import Plan, PublicPlan
 
 _STEP = 1e-6
-"""Of central differences, in metres and radians: their error is 1e-10."""
+"""Step of central differences [m, rad]: their error is about 1e-10."""
 _STEEPEST = 1.4
-"""Where the mean is linearised at most [rad]: the distance has a pole at 90°."""
+"""Largest roll and pitch at which the model is linearised [rad]: the distance has a pole at 90°."""
 
 
 @dataclass(frozen=True)
 class DfaKalmanParameters(FusingParameters):
-    """Parameters of such a module: those of its filter, and what it takes for true of the body.
+    """Parameters of such a module: those of its filter, and its model of the body.
 
     altitude, altitude_spread: of the prior. tilt_spread: standard deviation of roll and pitch in it.
-    climb: random walk of the altitude. turn: random walk of roll and pitch beyond what gyros tell, in one second.
-    distance_noise: standard deviation; that of the world unless given.
+    climb: random walk of the altitude. turn: random walk of roll and pitch in addition to the gyros' noise.
+    distance_noise: standard deviation; by default that of the world.
     """
 
     altitude: Metres = 0.25
@@ -54,7 +54,7 @@ class DfaKalmanParameters(FusingParameters):
 
 @dataclass(frozen=True)
 class ArrayProblem:
-    """The tilt and altitude of an array, and what its modules know of both; `rate` is that of all sensors [Hz]."""
+    """Model of an array's tilt and altitude and of their measurements; `rate` is that of all sensors [Hz]."""
 
     rate: float
     positions: Mapping[str, Position]
@@ -64,7 +64,7 @@ class ArrayProblem:
 
     @property
     def prior(self) -> Gaussian:
-        """Level, somewhere about the altitude of the parameters."""
+        """Level, at the altitude of the parameters, with their standard deviations."""
         own = self.parameters
         return Gaussian(
             np.array([own.altitude, 0.0, 0.0]),
@@ -72,20 +72,20 @@ class ArrayProblem:
         )
 
     def step(self, readings: Sequence[Readings], mean: NDArray[np.float64]) -> Step:
-        """Turned by the mean of the gyros at hand.
+        """Rotation by the mean of the available gyros.
 
         γ̇ = p + tan β (q sin γ + r cos γ),  β̇ = q cos γ − r sin γ            kinematics of roll and pitch
         A = I + Δ ∂(ż, γ̇, β̇)/∂x; the noise of n gyros moves the angles by Δ σ / √n, and the altitude wanders.
         """
         period_s = 1.0 / self.rate
-        told = [value for one in readings if (value := one.get(GYROSCOPE)) is not None]
-        rates = np.mean(told, axis=0) if told else np.zeros(3)
+        gyros = [value for each in readings if (value := each.get(GYROSCOPE)) is not None]
+        rates = np.mean(gyros, axis=0) if gyros else np.zeros(3)
         here = np.clip(mean, [-np.inf, -_STEEPEST, -_STEEPEST], [np.inf, _STEEPEST, _STEEPEST])
         A = np.eye(3) + period_s * _jacobian(lambda x: _turning(x, rates), here)
         moved = here + period_s * _turning(here, rates)
         tilt = self.parameters.turn**2 * period_s
-        if told:
-            tilt += (period_s * self.gyroscope_noise) ** 2 / len(told)
+        if gyros:
+            tilt += (period_s * self.gyroscope_noise) ** 2 / len(gyros)
         noise = np.diag([self.parameters.climb**2 * period_s, tilt, tilt])
         return Step(A, noise, moved - A @ here)
 
@@ -108,7 +108,7 @@ class DfaKalman(FusingAgent):
 
     @classmethod
     def problem(cls, plan: PublicPlan) -> Problem:
-        """The array of the plan, with the sensors of its world."""
+        """The array of a plan, with the sensors of its world."""
         model, parameters = plan.model, plan.agents[0].parameters
         assert isinstance(model, PlaneModel), "unfit() refuses other worlds"
         noise = model.distance_noise if parameters.distance_noise is None else parameters.distance_noise
@@ -118,7 +118,7 @@ class DfaKalman(FusingAgent):
 
     @classmethod
     def unfit(cls, plan: Plan) -> Sequence[str]:
-        """No plane, no places, no gyroscope, or a noise of distances that nobody says."""
+        """Problems: no plane, positions or gyroscope, or an unknown noise of the distances."""
         if not isinstance(plan.world, PlaneWorld):
             return ["dfa-kalman needs a plane to look at: add `world: {kind: plane, …}`"]
         if any(agent.position is None for agent in plan.agents):

@@ -1,32 +1,40 @@
 """A module of the Distributed Flight Array: a distance sensor, infrared links, and an estimator in rounds.
 
-Synchronous rounds belong to a sample: each sample starts the estimator anew, a round uses only frames of its own
-(sample, round), and the estimate is there when the last round is. Where the graph changes, all rounds of a sample
-have the neighbours and degrees of its first one. Asynchronous rounds go on and on: they use what was heard last,
-whatever round it was of, and a new sample moves the own input.
+Synchronous rounds belong to a sample: each sample starts the estimator again, a round uses only frames with its own
+(sample, round), and the last round gives the estimate. Where the graph changes, all rounds of a sample use the
+neighbours and degrees of its first one. Asynchronous rounds never start again: they use the newest frame of each
+neighbour, whatever its round, and a new sample replaces the own input.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...estimators.flying_array.least_squares import noncollinear
 from ...estimators.flying_array.plane import exact_state
-from ...topologies import metropolis_weight
+from ...topologies import metropolis_weight, natural_key
+from ...transport.links import LinkSettings
+from ...transport.media import earliest_start
+from ...transport.media_settings import EDGE_SLOTS, FullDuplex
 from ...units import period_ns
+from ...worlds.plane.plane_world import SENSOR
 from .. import payloads
 from ..agent import Agent, Context, Received, Sample, Timer
 from ..plan import Plan
-from . import array as flying_array
-from .dfa_settings import COUNTS, DfaParameters
+from ..sample_counts import COUNTS, age
+from .dfa_settings import DfaParameters
 from .estimators import Rounds, rounds
 
-_NEWEST = (0, 0)
+_ROUNDS_CHECKED = 240
 Tag = tuple[int, int]
-"""Sample and round that a message belongs to; asynchronous messages are all alike."""
+"""Sample and round of a message."""
+_NEWEST: Tag = (0, 0)
+"""Tag of all asynchronous messages."""
 
 
 class DfaModule(Agent):
@@ -44,7 +52,7 @@ class DfaModule(Agent):
         self._running = self._sampled = False
         self._latest: float | None = None
         self._open: Tag = _NEWEST
-        self._heard: dict[Tag, dict[str, NDArray[np.float64]]] = {}
+        self._received: dict[Tag, dict[str, NDArray[np.float64]]] = {}
         self._rounds = self._fresh()
         self._synchronous = parameters.timing == "synchronous"
 
@@ -57,7 +65,7 @@ class DfaModule(Agent):
         return rounds(self.parameters.estimator, position, weights)
 
     def on_sample(self, sample: Sample) -> None:
-        """Start the rounds of this sample; an asynchronous estimator takes it in where it stands."""
+        """Start the rounds of this sample; an asynchronous estimator takes the sample into the running ones."""
         first, self._running = not self._running, True
         if not self._sampled or not self.parameters.hold:
             self._sampled = True
@@ -82,7 +90,7 @@ class DfaModule(Agent):
             self._synchronous_round(sample, number)
         else:
             self._end_round(sample, number + 1, _NEWEST)
-            self._tell(_NEWEST)
+            self._send_messages(_NEWEST)
             count = sample * self.parameters.rounds + number + 1
             self._set_round(count, *divmod(count, self.parameters.rounds))
 
@@ -94,14 +102,14 @@ class DfaModule(Agent):
             self._end_round(sample, number, (sample % COUNTS, number - 1))
         if number < self.parameters.rounds:
             self._open = (sample % COUNTS, number)
-            self._tell(self._open)
+            self._send_messages(self._open)
         else:
             self._open = ((sample + 1) % COUNTS, 0)
 
     def _end_round(self, sample: int, number: int, tag: Tag) -> None:
-        """Use what was heard for this round; report after the last round of a sample, on request after each."""
-        heard = self._heard.pop(tag, {})
-        self._rounds.hear({source: vector for source, vector in heard.items() if source in self._partners})
+        """Update with the messages of this round; report after the last round of a sample, on request after each."""
+        received = self._received.pop(tag, {})
+        self._rounds.update({source: vector for source, vector in received.items() if source in self._partners})
         state = self._rounds.estimate()
         if state is None:
             return
@@ -113,7 +121,7 @@ class DfaModule(Agent):
         if self.parameters.report_rounds:
             self.context.report("estimate/round", state, sample * each + number)
 
-    def _tell(self, tag: Tag) -> None:
+    def _send_messages(self, tag: Tag) -> None:
         for other in self._partners:
             vector = self._rounds.message(other)
             if vector is not None and other in self.context.neighbours:
@@ -121,37 +129,104 @@ class DfaModule(Agent):
                 self.context.send(other, payload, stream="round")
 
     def on_frame(self, frame: Received) -> None:
-        """Keep a neighbour's message for its round, unless that is over; without rounds, the newest counts."""
+        """Keep a message for its round, unless that is over; asynchronous rounds use the newest."""
         sample, number, vector = payloads.decode(frame.payload)
-        if not self._synchronous or not _before((sample, number), self._open):
-            self._heard.setdefault((sample, number), {})[frame.source] = vector
+        if not self._synchronous or not _is_over((sample, number), self._open):
+            self._received.setdefault((sample, number), {})[frame.source] = vector
 
     def save(self) -> Any:
-        """The latest sample, and where an asynchronous estimator stands; a synchronous one begins anew each time."""
+        """Latest sample, and the state of an asynchronous estimator; synchronous ones start again with each sample."""
         return [self._sampled, self._latest, None if self._synchronous else self._rounds.save()]
 
     def restore(self, state: Any) -> None:
-        """Go on from there at the next sample, with what neighbours were told and have told before the death."""
+        """Continue at the next sample, with the messages exchanged before the kill."""
         self._sampled, self._latest, saved = state
         self._rounds.restore(saved)
 
     @classmethod
     def largest_payload(cls, parameters: DfaParameters) -> int:
-        """Bytes of the longest message with the largest counts."""
+        """Size of the longest message with the largest counts [bytes]."""
         return parameters.largest_payload
 
     @classmethod
     def sends_per_second(cls, parameters: DfaParameters) -> float:
-        """One frame a round to each neighbour."""
+        """One frame per round to each neighbour."""
         return parameters.round_rate
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """An array on a line, sensors of another rate, or rounds that cannot wait for each other."""
-        return flying_array.problems(plan)
+        """Problems: modules on a line, sensors of another rate, or synchronous rounds that are too short."""
+        positions = [agent.position for agent in plan.agents if agent.position is not None]
+        if plan.world is None:
+            return ["dfa-module needs a world to look at: add `world: {kind: plane, …}`"]
+        if not plan.is_uniform:
+            return ["the modules of a flying array are all alike: remove `only` from agents"]
+        if len(positions) < len(plan.agents):
+            return ["dfa-module needs positions: use a topology that has them, such as hexagonal or cells"]
+        if not noncollinear(positions):
+            return ["the modules are on one line, so roll and pitch cannot be told apart: add a cell off the line"]
+        return list(chain(_other_rates(plan), _unsteady(plan), _late_rounds(plan)))
 
 
-def _before(tag: Tag, open_tag: Tag) -> bool:
-    """Whether a round is over, by counts that start again at `COUNTS`."""
-    behind = (open_tag[0] - tag[0]) % COUNTS
-    return tag[1] < open_tag[1] if behind == 0 else behind < COUNTS // 2
+def _is_over(tag: Tag, open_tag: Tag) -> bool:
+    """Whether the round of a message is over."""
+    behind = age(open_tag[0], tag[0])
+    return tag[1] < open_tag[1] if behind == 0 else behind > 0
+
+
+def _unsteady(plan: Plan) -> Iterator[str]:
+    if plan.presence and any(agent.parameters.timing == "asynchronous" for agent in plan.agents):
+        yield (
+            "asynchronous estimators remember what each neighbour was told, so the graph must not change: "
+            "use timing: synchronous, whose rounds begin anew with each sample"
+        )
+
+
+def _other_rates(plan: Plan) -> Iterator[str]:
+    assert plan.world is not None
+    for agent in plan.agents:
+        rate = plan.world.sensors(agent.name).get(SENSOR)
+        if rate != agent.parameters.rate:
+            yield (
+                f"agents.rate is {agent.parameters.rate:g} Hz, but the world's sensors run at {rate or 0:g} Hz: "
+                "make them equal"
+            )
+            return
+
+
+def _late_rounds(plan: Plan) -> Iterator[str]:
+    """Problem of synchronous rounds that are over before their frames arrive, at mean latency."""
+    kinds = {
+        (
+            agent.parameters,
+            agent.compute_ns,
+            plan.links[agent.name, other],
+            natural_key(agent.name) > natural_key(other),
+        )
+        for agent in plan.agents
+        for other in agent.neighbours
+        if agent.parameters.timing == "synchronous"
+    }
+    worst_ns = max((_behind(plan, *kind) for kind in kinds), default=0)
+    if worst_ns > 0:
+        yield (
+            f"synchronous rounds do not fit: a frame of mean latency comes {worst_ns / 1e6:.3f} ms after the round "
+            "that waits for it; use fewer rounds, less latency, a smaller payload, "
+            "phase: aligned, or timing: asynchronous"
+        )
+
+
+def _behind(plan: Plan, parameters: DfaParameters, compute_ns: int, settings: LinkSettings, second: bool) -> int:
+    """Largest lag of a frame behind the end of its round [ns], at mean latency; negative if all arrive in time."""
+    airtime_ns = settings.airtime_ns(parameters.largest_payload)
+    latest = -(2**62)
+    total = int(plan.duration_ns * parameters.round_rate / 1e9)
+    for number in range(min(total, _ROUNDS_CHECKED)):
+        for phase_ns in (0, parameters.spread_ns()):
+            ready_ns = period_ns(parameters.round_rate, number) + phase_ns + compute_ns
+            start_ns = ready_ns
+            if not isinstance(settings.medium, FullDuplex):
+                start_ns = earliest_start(settings.medium.access, ready_ns, airtime_ns, int(second), EDGE_SLOTS)
+            due_ns = start_ns + airtime_ns + int(settings.latency.mean_ns)
+            latest = max(latest, due_ns - period_ns(parameters.round_rate, number + 1))
+    return latest

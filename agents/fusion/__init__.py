@@ -1,1 +1,1 @@
-"""Agents that fuse what they measure by a distributed filter."""
+"""Agents with a distributed filter."""

@@ -1,9 +1,8 @@
-"""Agents that fuse what they measure by a distributed filter, in rounds of messages after each sample.
+"""Agents with a distributed filter, in rounds of messages after each sample.
 
-Rounds belong to a sample: the first begins when the sample is taken, and the last ends when the next one is. A message
-says to which sample and round it belongs. In each round the newest message of each neighbour counts that has come and
-was not used; one of an earlier sample is run forward by the model first, as the filter sees fit. What is estimated is
-the business of a `Problem`, and how of a `Filter`: this file joins them.
+Rounds belong to a sample: the first begins when the sample is taken, the last ends when the next one is. A message
+carries its sample and round. Each round uses the newest message of each neighbour that was not used before; one of an
+earlier sample is first propagated by the filter. A `Problem` defines what is estimated, a `Filter` how.
 """
 
 from __future__ import annotations
@@ -24,18 +23,19 @@ from ...units import first_period, period_ns
 from .. import payloads
 from ..agent import Agent, Context, Offer, Received, Sample, Timer
 from ..plan import Plan, PublicPlan
-from .fusion_settings import COUNTS, SPREAD, FusingParameters
+from ..sample_counts import COUNTS, age
+from .fusion_settings import SPREAD, FusingParameters
 from .problem import Briefing, Problem, Readings, parts, predicted_mean
 
 ESTIMATE, COVARIANCE = "estimate", "covariance"
 _TOO_FAR = 1e9
-"""A mean that is so many standard deviations of the prior away has diverged: nothing is left to average."""
+"""A mean that is more than this many standard deviations of the prior away has diverged."""
 Tag = tuple[int, int]
 """Sample and round that a message belongs to."""
 
 
 class FusingAgent(Agent):
-    """Base of agents with a distributed filter; a kind of its own says what the problem is."""
+    """Base of agents with a distributed filter; subclasses define the problem."""
 
     timers_only = True
 
@@ -55,17 +55,17 @@ class FusingAgent(Agent):
         self._filter: Filter | None = None
         self._sample = 0
 
-    # -- what a kind of agents says ------------------------------------------------------------------------------
+    # -- defined by subclasses -----------------------------------------------------------------------------------
 
     @classmethod
     @abstractmethod
     def problem(cls, plan: PublicPlan) -> Problem:
-        """What is estimated, by the agents' parameters and what is known of the world."""
+        """What is estimated, from the agents' parameters and the known model of the world."""
 
     @classmethod
     @abstractmethod
     def unfit(cls, plan: Plan) -> Sequence[str]:
-        """What makes the world of a plan no such problem, each a sentence with the remedy."""
+        """Why the world of a plan does not fit, each a sentence with the remedy."""
 
     # -- rounds ---------------------------------------------------------------------------------------------------
 
@@ -75,19 +75,20 @@ class FusingAgent(Agent):
         self._set_round(self._sample * self.parameters.rounds)
 
     def on_sample(self, sample: Sample) -> None:
-        """Keep it for the first round of this sample."""
+        """Keep the sample for its first round."""
         self._readings.setdefault(sample.index, {})[sample.sensor] = sample.value
 
     def on_timer(self, timer: Timer) -> None:
         """End one round and begin the next."""
         sample, number = divmod(timer.index, self.parameters.rounds)
         if self._filter is not None:
-            self._hear(self._filter, (sample, number - 1) if number else (sample - 1, self.parameters.rounds - 1))
+            ended = (sample, number - 1) if number else (sample - 1, self.parameters.rounds - 1)
+            self._take_messages(self._filter, ended)
         if number == 0:
             if self._filter is not None:
-                self._end(self._filter)
+                self._report(self._filter)
             self._begin(sample)
-        self._tell((sample, number))
+        self._send_messages((sample, number))
         self._set_round(timer.index + 1)
 
     def _set_round(self, count: int) -> None:
@@ -112,7 +113,7 @@ class FusingAgent(Agent):
         self._filter.begin(Moment(sample, measurement, self._steps, self._weights))
 
     def _fresh(self, sample: int) -> Filter:
-        """A filter that begins now: what was known at the first sample, run forward without any reading."""
+        """A new filter: the prior of the first sample, propagated without measurements."""
         prior = self._start
         for _ in range(sample):
             prior = predict(prior, self._problem.step([{}], prior.mean))
@@ -126,7 +127,7 @@ class FusingAgent(Agent):
         mine = degrees[self.context.name]
         return {other: metropolis_weight(mine, degrees[other]) for other in self.context.neighbours}
 
-    def _tell(self, tag: Tag) -> None:
+    def _send_messages(self, tag: Tag) -> None:
         if self._filter is None or self._diverged(self._filter.belief):
             return
         sample, number = tag
@@ -137,12 +138,13 @@ class FusingAgent(Agent):
                 self.context.send(other, payload, stream="round")
 
     def on_frame(self, frame: Received) -> None:
-        """Keep a neighbour's message until a round ends to which it can belong."""
+        """Keep a message until the end of its round."""
         counted, number, vector = payloads.decode(frame.payload)
-        behind = (self._sample - counted + COUNTS // 2) % COUNTS - COUNTS // 2
-        self._inbox.setdefault(frame.source, {})[self._sample - behind, number] = vector
+        sample = self._sample - age(self._sample, counted)
+        self._inbox.setdefault(frame.source, {})[sample, number] = vector
 
-    def _hear(self, one: Filter, ended: Tag) -> None:
+    def _take_messages(self, one: Filter, ended: Tag) -> None:
+        """End a round: give the filter the newest unused message of each neighbour, late ones propagated."""
         received = {}
         for source, waiting in self._inbox.items():
             last = self._used.get(source, (-1, 0))
@@ -150,7 +152,7 @@ class FusingAgent(Agent):
             if newest is not None:
                 self._used[source] = newest
                 late = ended[0] - newest[0]
-                vector = waiting[newest] if late == 0 else self._run_forward(one, waiting[newest], late)
+                vector = waiting[newest] if late == 0 else self._propagated(one, waiting[newest], late)
                 if vector is not None and source in self._weights:
                     received[source] = vector
         self._inbox = {
@@ -160,11 +162,11 @@ class FusingAgent(Agent):
         if not self._diverged(one.belief):
             one.hear(received)
 
-    def _run_forward(self, one: Filter, vector: NDArray[np.float64], late: int) -> NDArray[np.float64] | None:
+    def _propagated(self, one: Filter, vector: NDArray[np.float64], late: int) -> NDArray[np.float64] | None:
         return one.forward(vector, late) if self.parameters.late == "run-forward" else None
 
-    def _end(self, one: Filter) -> None:
-        """Report; a filter that has diverged says so, and infinity from then on."""
+    def _report(self, one: Filter) -> None:
+        """Report the result of a sample; infinity, with a note, once the filter has diverged."""
         if self._diverged(one.belief):
             belief, known = one.belief, False
         else:
@@ -182,13 +184,13 @@ class FusingAgent(Agent):
 
     @classmethod
     def briefing(cls, plan: PublicPlan, name: str) -> Briefing:
-        """The model, and this agent's part in the averages."""
+        """The model, and this agent's weights."""
         averaging = plan.agent(name).parameters.chosen().averaging
         return Briefing(cls.problem(plan), parts(plan, averaging)[name], averaging in LOCAL)
 
     @classmethod
     def offers(cls, plan: Plan, name: str) -> Offer:
-        """A frame a round to each neighbour at most; the longest message of the first sample is like any other."""
+        """At most one frame per round to each neighbour; the messages of the first sample have the usual lengths."""
         if cls.unfit(plan):
             return Offer(None, None)
         own, parameters = plan.agent(name), plan.agent(name).parameters
@@ -196,20 +198,20 @@ class FusingAgent(Agent):
         agents = tuple(agent.name for agent in plan.agents)
         one = parameters.chosen().make(Place(name, agents, parameters.rounds, part.law), problem.prior)
         one.begin(Moment(0, None, (), part.weights))
-        longest, told = 0, False
+        longest, sends = 0, False
         for _ in range(parameters.rounds):
             for other in own.neighbours:
                 vector = one.message(other)
                 if vector is not None:
-                    told = True
+                    sends = True
                     payload = payloads.encode([COUNTS - 1, parameters.rounds, vector], parameters.payload)
                     longest = max(longest, len(payload))
             one.hear({})
-        return Offer(longest, problem.rate * parameters.rounds if told else 0.0)
+        return Offer(longest, problem.rate * parameters.rounds if sends else 0.0)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """Agents that differ, a world that is none of this kind's, a graph that changes under weights that do not."""
+        """Problems: agents that differ, a world that does not fit, constant weights on a graph that changes."""
         if not plan.is_uniform:
             return ["agents with a distributed filter are all alike: remove `only` from agents"]
         found = list(cls.unfit(plan))
@@ -222,7 +224,7 @@ class FusingAgent(Agent):
 
 
 def _refused(plan: Plan, kind: type[FusingAgent]) -> Iterator[str]:
-    """Options out of their bounds are refused when a filter is made."""
+    """Problem of options that the filter's class refuses."""
     try:
         kind.offers(plan, plan.agents[0].name)
     except BadInput as error:

@@ -1,4 +1,4 @@
-"""What a scenario may say of agents that fuse what they measure by a distributed filter."""
+"""Parameters of agents with a distributed filter."""
 
 from __future__ import annotations
 
@@ -11,25 +11,23 @@ from ...estimators.distributed.filters import FilterChoice, choose_filter
 from ...units import Count
 from .. import payloads
 from ..idle import refuse_idle
-
-COUNTS = 2**16
-"""Samples are counted modulo this on the wire."""
+from ..sample_counts import COUNTS
 
 SPREAD = 8
-"""Rounds are spread within this part of a round, so that messages come before the round ends that waits for them."""
+"""Phases are at most this fraction of a round, so that messages arrive before the end of the round that needs them."""
 
 
 @dataclass(frozen=True)
 class FusingParameters:
     """Parameters that all such agents have.
 
-    filter: name of the filter, perhaps with the way to average, as hybrid/chebyshev; or package.module:Class.
+    filter: name of the filter, optionally with a way to average, such as hybrid/chebyshev; or package.module:Class.
     rounds: rounds of messages per sample.
-    options: numbers that the filter's class takes by name.
+    options: keyword arguments of the filter's class.
     payload: precision of the numbers in a frame.
-    phase: rounds at common instants, or spread by a phase drawn from the seed.
-    late: whether a message that comes samples too late is run forward to now and used, or dropped.
-    memory: for so many samples the model's steps are remembered, to run late messages forward.
+    phase: rounds of all agents at the same instants, or shifted by a phase drawn from the seed.
+    late: whether a message of an earlier sample is propagated to the present one, or dropped.
+    memory: number of model steps that are kept to propagate late messages.
     """
 
     filter: str = "hybrid-contributions"
@@ -41,7 +39,7 @@ class FusingParameters:
     memory: int = 8
 
     def __post_init__(self) -> None:
-        """Check the bounds, and that there is such a filter."""
+        """Check the bounds and the filter's name."""
         if self.rounds < 1:
             raise BadInput(f"rounds is {self.rounds}, at least 1 is needed")
         if not 1 <= self.memory < COUNTS // 2:

@@ -1,4 +1,4 @@
-"""What is estimated: the model of a state and of the measurements, for each agent and for a central computer alike."""
+"""What is estimated: the model of a state and its measurements, for agents and for the central estimator."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ...estimators.distributed.gaussian import Gaussian, Measurement, Step, move
 from ..plan import PublicPlan
 
 Readings = Mapping[str, NDArray[np.float64] | None]
-"""Sensor → what it said at one sample; None where it saw nothing, absent where there is none."""
+"""Sensor → its value at one sample; None where it saw nothing, missing where the agent has no such sensor."""
 
 
 class Problem(Protocol):
-    """A state that moves and is measured; linearised about the means given where it is not linear."""
+    """Model of a state and its measurements, linearised about the given means where it is not linear."""
 
     @property
     def rate(self) -> float:
@@ -27,29 +27,29 @@ class Problem(Protocol):
 
     @property
     def prior(self) -> Gaussian:
-        """The belief about the state at the first sample, before anything was measured."""
+        """Distribution of the state at the first sample, before any measurement."""
 
     def step(self, readings: Sequence[Readings], mean: NDArray[np.float64]) -> Step:
-        """The step from the sample before to this one: what is known of it from this sample's readings of some agents.
+        """Step of the model from the previous sample to this one, with the readings of this sample.
 
         Args:
-            readings: of the agents whose readings are at hand, at least one.
-            mean: of the belief at the sample before.
+            readings: of all agents whose readings are known, at least one.
+            mean: of the state at the previous sample.
         """
 
     def measurement(self, agent: str, readings: Readings, mean: NDArray[np.float64]) -> Measurement | None:
-        """What an agent measured; None for nothing.
+        """Measurement of an agent; None if it measured nothing.
 
         Args:
             agent: whose readings these are.
             readings: of this sample.
-            mean: predicted to this sample.
+            mean: of the state, predicted to this sample.
         """
 
 
 @dataclass(frozen=True)
 class Briefing:
-    """What an agent is told before the start: the model, its part in the averages, and whether its weights are its own.
+    """What an agent knows before the start: the model and its weights.
 
     `local`: the weights follow from degrees alone, and so may change with the graph.
     """
@@ -60,7 +60,7 @@ class Briefing:
 
 
 def parts(plan: PublicPlan, averaging: str) -> dict[str, AverageConsensus]:
-    """Agent → its part in a way to average over the graph of a plan."""
+    """Agent → its weights and law, for a way to average over the graph of a plan."""
     graph = nx.Graph()
     graph.add_nodes_from(agent.name for agent in plan.agents)
     graph.add_edges_from((agent.name, other) for agent in plan.agents for other in agent.neighbours)
@@ -68,5 +68,5 @@ def parts(plan: PublicPlan, averaging: str) -> dict[str, AverageConsensus]:
 
 
 def predicted_mean(belief: Gaussian, steps: Sequence[Step]) -> NDArray[np.float64]:
-    """The mean after the newest step, before any measurement; that of the belief itself where there was no step."""
+    """Mean after the newest step, before any measurement; that of the belief where there was no step."""
     return moved(belief.mean, steps[-1:])

@@ -1,4 +1,4 @@
-"""Trackers: agents that follow a target by a distributed filter, each seeing one coordinate of it or nothing.
+"""Trackers: agents that track a target with a distributed filter; each measures one coordinate of it, or nothing.
 
 Letters: x = (p_x, p_y, v_x, v_y) position [m] and velocity [m/s] of the target.
 """
@@ -22,10 +22,10 @@ from .problem import Problem, Readings
 
 @dataclass(frozen=True)
 class TrackerParameters(FusingParameters):
-    """Parameters of a tracker: those of its filter, and what it takes for true of the target.
+    """Parameters of a tracker: those of its filter, and its model of the target.
 
-    manoeuvre: by how much the velocity wanders; as in the world unless given.
-    noise: standard deviation of a measurement; as in the world unless given.
+    manoeuvre: random walk of the velocity; by default that of the world.
+    noise: standard deviation of a measurement; by default that of the world.
     """
 
     manoeuvre: MetresPerSecondPerRootSecond | None = None
@@ -50,17 +50,17 @@ class TargetProblem:
 
     @property
     def prior(self) -> Gaussian:
-        """About zero, with the standard deviations of the world."""
+        """Zero mean, with the standard deviations of the world."""
         spread = np.repeat([self.model.position, self.model.velocity], 2)
         return Gaussian(np.zeros(4), np.diag(spread**2))
 
     def step(self, readings: Sequence[Readings], mean: NDArray[np.float64]) -> Step:
-        """Always the same."""
+        """The same constant-velocity step for every sample."""
         period_s = 1.0 / self.rate
         return Step(transition(period_s), process_noise(period_s, self.model.manoeuvre), np.zeros(4))
 
     def measurement(self, agent: str, readings: Readings, mean: NDArray[np.float64]) -> Measurement | None:
-        """The coordinate that the agent sees."""
+        """The measured coordinate."""
         for sensor, value in readings.items():
             if value is not None:
                 return Measurement(np.eye(4)[[COORDINATES.index(sensor)]], np.eye(1) * self.model.noise**2, value)
@@ -75,7 +75,7 @@ class Tracker(FusingAgent):
 
     @classmethod
     def problem(cls, plan: PublicPlan) -> Problem:
-        """The target as the agents take it to be."""
+        """The target as the agents model it."""
         model, parameters = plan.model, plan.agents[0].parameters
         assert isinstance(model, TargetModel), "unfit() refuses other worlds"
         manoeuvre = model.manoeuvre if parameters.manoeuvre is None else parameters.manoeuvre
@@ -84,7 +84,7 @@ class Tracker(FusingAgent):
 
     @classmethod
     def unfit(cls, plan: Plan) -> Sequence[str]:
-        """A world without a target."""
+        """Problem: a world without a target."""
         if not isinstance(plan.world, TargetWorld):
             return ["tracker needs a target to follow: add `world: {kind: target}`"]
         return []

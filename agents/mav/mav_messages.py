@@ -1,4 +1,4 @@
-"""Messages of a formation on the air: bytes of `pair` and `full`, their sizes, and stamps that wrap.
+"""Encoding of a formation's messages `pair` and `full`, their sizes, and stamps that wrap.
 
 All numbers are little-endian, those of the estimate in the precision of the layout.
 
@@ -10,8 +10,8 @@ where the layout has it; the covariance, where it has one. In float32 with attit
 sender is known from the link. In float32 for three vehicles that is 50 bytes.
 
 A covariance is a `bound`, two deviations for each relative position and velocity (`bound_of`), or `whole`, k deviations
-and k(k−1)/2 correlations, a lower triangle row by row. Either is enlarged by what rounding may take away, so that what
-arrives is never smaller than what was meant.
+and k(k−1)/2 correlations, a lower triangle row by row. Both are enlarged by the largest rounding error, so that the
+decoded covariance is never smaller than the encoded one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,31 +27,26 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ...estimators.formation.covariance import check_positive
 from ...estimators.formation.formation_messages import FullMessage, Message, PairMessage, bound_of
-from ..payloads import DamagedPayload, Precision
+from ..payloads import DTYPES, DamagedPayload, Precision
 
 Kind = Literal["pair", "full"]
-Told = Literal["none", "bound", "whole"]
+CovarianceContent = Literal["none", "bound", "whole"]
 
 _PAIR = 1
 _HEADER = {"pair": 10, "full": 2}
 _STAMP_BITS: dict[Kind, int] = {"pair": 40, "full": 16}
 _STAMP_UNIT_NS: dict[Kind, int] = {"pair": 1_000, "full": 1_000_000}
-_TYPES: dict[Precision, np.dtype[np.floating[Any]]] = {
-    "float64": np.dtype("<f8"),
-    "float32": np.dtype("<f4"),
-    "float16": np.dtype("<f2"),
-}
 _LARGEST_UNSEEN_MS = 2**16 - 1
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How messages of a formation look; sender and receivers use the same.
+    """Layout of a formation's messages; sender and receivers use the same.
 
     kind: `pair` or `full`.
     vehicles: N, at most 256.
     precision: of the numbers.
-    attitude: whether a `pair` bears the sender's attitude.
+    attitude: whether a `pair` carries the sender's attitude.
     covariance: `none`, `bound` or `whole`.
     """
 
@@ -59,29 +54,29 @@ class Layout:
     vehicles: int
     precision: Precision = "float32"
     attitude: bool = True
-    covariance: Told = "none"
+    covariance: CovarianceContent = "none"
 
     def __post_init__(self) -> None:
-        """Check that vehicles can be told apart."""
+        """Check that vehicle numbers fit in a byte."""
         if not 2 <= self.vehicles <= 256:
             raise BadInput(f"messages of {self.vehicles} vehicles: their numbers are one byte, give 2 to 256")
 
     @cached_property
     def values(self) -> int:
-        """How many numbers the estimate is."""
+        """Number of numbers in the estimate."""
         return 6 if self.kind == "pair" else 6 * (self.vehicles - 1)
 
     @cached_property
     def numbers(self) -> int:
-        """How many numbers a message holds in all."""
+        """Number of numbers in a message."""
         attitude = 4 if self.attitude and self.kind == "pair" else 0
-        told = {"none": 0, "bound": self.values // 3, "whole": self.values * (self.values + 1) // 2}
-        return self.values + attitude + told[self.covariance]
+        covariance = {"none": 0, "bound": self.values // 3, "whole": self.values * (self.values + 1) // 2}
+        return self.values + attitude + covariance[self.covariance]
 
     @cached_property
     def size(self) -> int:
-        """Bytes of a message."""
-        return _HEADER[self.kind] + self.numbers * _TYPES[self.precision].itemsize
+        """Size of a message [bytes]."""
+        return _HEADER[self.kind] + self.numbers * DTYPES[self.precision].itemsize
 
     def check_fits(self, packet_bytes: int) -> None:
         """Refuse a packet that is too small.
@@ -95,7 +90,7 @@ class Layout:
             Layout(kind, self.vehicles, precision, attitude, self.covariance)
             for kind in (self.kind, "pair")
             for attitude in ((True, False) if kind == "pair" else (False,))
-            for precision in _TYPES
+            for precision in DTYPES
         ]
         fits = next((f"{each.describe()} has {each.size} B" for each in others if each.size <= packet_bytes), None)
         remedy = f", and {fits}" if fits else ""
@@ -105,7 +100,7 @@ class Layout:
         )
 
     def describe(self) -> str:
-        """In words."""
+        """The layout in words."""
         extras = ["attitude"] if self.attitude and self.kind == "pair" else []
         if self.covariance != "none":
             extras.append("a bound of the covariance" if self.covariance == "bound" else "the covariance")
@@ -114,7 +109,7 @@ class Layout:
 
 
 def encode(layout: Layout, message: Message) -> bytes:
-    """A message as bytes.
+    """Encode a message.
 
     Raises:
         BadInput: the message is of another kind, or lacks what the layout has.
@@ -130,18 +125,20 @@ def encode(layout: Layout, message: Message) -> bytes:
         if layout.attitude:
             parts.append(_given(message.attitude, "attitude"))
     if layout.covariance != "none":
-        parts.append(_told(layout, message.values, _given(message.covariance, f"{layout.covariance} covariance")))
-    numbers: bytes = np.concatenate(parts).astype(_TYPES[layout.precision]).tobytes()
+        parts.append(
+            _covariance_numbers(layout, message.values, _given(message.covariance, f"{layout.covariance} covariance"))
+        )
+    numbers: bytes = np.concatenate(parts).astype(DTYPES[layout.precision]).tobytes()
     return header + numbers
 
 
 def decode(layout: Layout, payload: bytes, *, sender: int, now_ns: int) -> Message:
-    """The message that was encoded, its numbers as fresh float64.
+    """Decode a message, its numbers as new float64 arrays.
 
     Args:
         layout: the sender's.
         payload: the bytes.
-        sender: who sent it, known from the link.
+        sender: number of the sender, known from the link.
         now_ns: the receiver's clock [ns]; a stamp is the instant nearest to it that fits.
     Raises:
         DamagedPayload: another length or kind, another sender, a vehicle that does not exist, or numbers that are not
@@ -150,16 +147,16 @@ def decode(layout: Layout, payload: bytes, *, sender: int, now_ns: int) -> Messa
     if len(payload) != layout.size:
         raise DamagedPayload(f"{len(payload)} bytes where {layout.describe()} has {layout.size}")
     head = _HEADER[layout.kind]
-    numbers = np.frombuffer(payload[head:], dtype=_TYPES[layout.precision]).astype(np.float64)
+    numbers = np.frombuffer(payload[head:], dtype=DTYPES[layout.precision]).astype(np.float64)
     if not math.isfinite(numbers.dot(numbers)):
         raise DamagedPayload(f"a message of {sender} holds numbers that are not finite, or too large to be squared")
     values, rest = numbers[: layout.values].copy(), numbers[layout.values :]
     if layout.kind == "full":
         return FullMessage(sender, _instant("full", payload[:2], now_ns), values, _covariance(layout, rest, sender))
     attitude, rest = (rest[:4].copy(), rest[4:]) if layout.attitude else (None, rest)
-    kind, told_sender, seen = payload[:3]
-    if kind != _PAIR or told_sender != sender or seen >= layout.vehicles or seen == sender:
-        raise DamagedPayload(f"a header of kind {kind}, vehicles {told_sender} and {seen}, from {sender}")
+    kind, claimed_sender, seen = payload[:3]
+    if kind != _PAIR or claimed_sender != sender or seen >= layout.vehicles or seen == sender:
+        raise DamagedPayload(f"a header of kind {kind}, vehicles {claimed_sender} and {seen}, from {sender}")
     unseen_ns = int.from_bytes(payload[8:10], "little") * 1_000_000
     time_ns = _instant("pair", payload[3:8], now_ns)
     return PairMessage(sender, seen, time_ns, values, unseen_ns, attitude, _covariance(layout, rest, sender))
@@ -179,7 +176,7 @@ def _stamp(kind: Kind, time_ns: int) -> bytes:
 
 
 def _instant(kind: Kind, stamp: bytes, now_ns: int) -> int:
-    """The instant with this stamp that is nearest to now."""
+    """Instant with this stamp that is nearest to now."""
     unit_ns, modulus = _STAMP_UNIT_NS[kind], 1 << _STAMP_BITS[kind]
     now = now_ns // unit_ns
     ahead = (int.from_bytes(stamp, "little") - now + modulus // 2) % modulus - modulus // 2
@@ -192,12 +189,14 @@ def _given(array: NDArray[np.float64] | None, what: str) -> NDArray[np.float64]:
     return array
 
 
-def _told(layout: Layout, values: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The numbers of a covariance, enlarged by what rounding takes from them and from the values."""
-    kind = _TYPES[layout.precision]
+def _covariance_numbers(
+    layout: Layout, values: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Numbers of a covariance, enlarged by the rounding errors of these numbers and of the values."""
+    kind = DTYPES[layout.precision]
     unit, count = float(np.finfo(kind).eps), len(values)
     if layout.covariance == "whole":
-        # Correlations are off by half a unit, k of them in a row by k/2, and so much more is said of the diagonal.
+        # Each correlation is rounded by up to half a unit, the k of a row by k/2: the diagonal is enlarged by that.
         variances = covariance.diagonal() * (1.0 + count * unit) + count * (unit / 2 * values) ** 2
         deviations = (np.sqrt(variances) * (1.0 + unit)).astype(kind).astype(np.float64)
         lower = covariance / np.outer(deviations, deviations)

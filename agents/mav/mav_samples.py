@@ -1,4 +1,4 @@
-"""What the sensors of a vehicle say: rows of its camera, and the three parts of its inertial measurement unit."""
+"""Samples of a vehicle: rows of its camera, and the three parts of its inertial measurement unit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CAMERA, IMU = "camera", "imu"
 _INERTIA_KG_M2 = np.diag((0.0022, 0.0029, 0.0048))
 _READING = (0.01, 2.0, 0.02)
 _WALK = (5.0, 0.05, 0.01)
-"""The accelerometer is trusted with a time constant of 7 s only: thrust feels like up, however far it leans."""
+"""The accelerometer has a time constant of 7 s only: it measures thrust as up, however far the vehicle leans."""
 
 
 class Sight(NamedTuple):
@@ -30,7 +30,7 @@ class Sight(NamedTuple):
 
 
 def read_camera(value: NDArray[np.float64] | None) -> Mapping[int, Sight]:
-    """Seen vehicle → how it was seen; nobody for None."""
+    """Seen vehicle → its sight; empty for None."""
     return {} if value is None else {int(row[0]): Sight(row[1:4], row[4:8]) for row in value}
 
 
@@ -41,21 +41,21 @@ def read_imu(value: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
 
 @cache
 def frame_model() -> ImuModel:
-    """What vehicles believe of their inertial measurement units."""
+    """Model that vehicles have of their inertial measurement units."""
     return imu_model(_INERTIA_KG_M2, _READING, _WALK)
 
 
 def sightings(
     parameters: MavParameters, observer: int, sights: Mapping[int, Sight], attitude: NDArray[np.float64]
 ) -> list[Observation]:
-    """What is in view as relative positions in the inertial frame, p_observer − p_seen.
+    """Sightings as relative positions in the inertial frame, p_observer − p_seen.
 
     Their noise is that of the camera, which grows with the range beyond 1 m, and that of the own attitude.
 
     Args:
         parameters: the noises.
         observer: number of the vehicle whose camera it is.
-        sights: as `read_camera` gives them.
+        sights: from `read_camera`.
         attitude: of the observer, (4,).
     """
     found = []

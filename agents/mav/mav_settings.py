@@ -1,4 +1,4 @@
-"""What a scenario may write of vehicles in a formation, and what follows from it."""
+"""Parameters of vehicles in a formation, and what follows from them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from ...units import (
 )
 from ..idle import refuse_idle
 from ..payloads import Precision
-from .mav_messages import Kind, Layout, Told
+from .mav_messages import CovarianceContent, Kind, Layout
 
 _DEGREE = math.pi / 180
 _INITIAL_SPREAD = (0.3, 0.3)
@@ -41,7 +41,7 @@ _INITIAL_SPREAD = (0.3, 0.3)
 
 @dataclass(frozen=True)
 class Leg:
-    """From an instant on a reference holds."""
+    """A reference and the instant from which it holds."""
 
     at: Nanoseconds
     reference: str
@@ -49,7 +49,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Filtering:
-    """How a vehicle estimates the formation; see `estimators.formation_consensus`."""
+    """How a vehicle estimates the formation; see `estimators.formation.formation_consensus`."""
 
     delay: Delay = "compensate"
     fusion: Fusion = "kalman"
@@ -61,7 +61,7 @@ class Filtering:
     history: Nanoseconds = 1_000_000_000
 
     def __post_init__(self) -> None:
-        """Check what the filter does not."""
+        """Check what the filter does not check."""
         if not 0 < self.camera_noise < math.inf:
             raise BadInput(f"camera_noise is {self.camera_noise:g} m, it must be above 0")
         if self.delay == "ignore":
@@ -75,7 +75,7 @@ class Filtering:
             refuse_idle(self, ("message_noise",), because, "filtering.")
 
     def settings(self) -> ConsensusSettings:
-        """For the consensus filter: communication noise five times as large for velocities."""
+        """Settings of the consensus filter; communication noise is five times as large for velocities."""
         return ConsensusSettings(
             self.delay, self.fusion, self.weighting, self.message_noise, 5.0 * self.message_noise, self.history
         )
@@ -83,25 +83,25 @@ class Filtering:
 
 @dataclass(frozen=True)
 class Messages:
-    """What goes into a packet; see `agents.mav_messages`."""
+    """Contents of a packet; see `agents.mav.mav_messages`."""
 
     kind: Kind = "pair"
     precision: Precision = "float32"
     attitude: bool = True
-    covariance: Told = "none"
+    covariance: CovarianceContent = "none"
     packet: Bytes = 50
 
     def layout(self, vehicles: int) -> Layout:
-        """How messages of so many vehicles look."""
+        """Layout for a number of vehicles."""
         return Layout(self.kind, vehicles, self.precision, self.attitude, self.covariance)
 
 
 @dataclass(frozen=True)
 class Frames:
-    """How the inertial frame is found and agreed; see `estimators.frame_consensus`.
+    """How vehicles estimate and agree on the inertial frame; see `estimators.frames.frame_consensus`.
 
-    `consensus` false: each vehicle keeps its own. `noise` is that of the own attitude, as it counts with a sighting.
-    `upright`: standard deviation of the tilt with which vehicles start; one that comes back in flight knows nothing.
+    `consensus` false: each vehicle keeps its own. `noise`: of the own attitude, added to that of a sighting.
+    `upright`: standard deviation of the initial tilt; a vehicle that restarts in flight has no estimate of it.
     """
 
     consensus: bool = True
@@ -111,7 +111,7 @@ class Frames:
     upright: Radians = _DEGREE
 
     def __post_init__(self) -> None:
-        """Check that all of it is read."""
+        """Check that all values have an effect."""
         if not self.consensus:
             because = "consensus is false, so no frame moves towards another: leave it out, or write consensus: true"
             refuse_idle(self, ("step", "anchor"), because, "frames.")
@@ -121,13 +121,13 @@ class Frames:
 class MavParameters:
     """A vehicle of a formation.
 
-    `references`: name → formation, as in `topologies.formations`; `script`: which of them holds from when on, the first
-    one before. `rate`: of camera and filter, `radio`: of the messages, at a `phase` drawn from the seed or aligned.
-    `tracks`: vehicle → whom it keeps in view, by default what makes the formation observable within `camera_range`
-    and past vehicles of this `radius`.
-    `patience`: after so long without having seen or heard anybody a vehicle holds. `silence`: who was not heard while
-    the others sent as much as they do in so long is left out of the formation until it is heard again. `report`:
-    of the estimate, and `report_covariance` of its covariance, 0 for none.
+    `references`: name → formation, as in `topologies.formations`; `script`: which of them holds from which instant on;
+    before, the first one. `rate`: of camera and filter, `radio`: of the messages, at a `phase` drawn from the seed or
+    aligned. `tracks`: vehicle → the one it keeps in view, by default an assignment that makes the formation observable
+    within `camera_range`, not hidden by vehicles of this `radius`. `patience`: a vehicle that has neither seen nor
+    received anything for so long stops regulating. `silence`: a vehicle is left out of the formation while the others
+    send as many messages as in this time and it sends none. `report`: rate of the estimate, and `report_covariance` of
+    its covariance, 0 for none.
     """
 
     references: Mapping[str, Formation]
@@ -152,7 +152,7 @@ class MavParameters:
     report_covariance: Hertz = 0.0
 
     def __post_init__(self) -> None:
-        """Check what can be checked without knowing how many there are."""
+        """Check what does not depend on the number of vehicles."""
         for name in ("rate", "radio", "report"):
             if not 0 < getattr(self, name) < math.inf:
                 raise BadInput(f"{name} is {getattr(self, name):g} Hz, it must be above 0")
@@ -180,7 +180,7 @@ class MavParameters:
         return self.script[reached - 1].reference if reached else next(iter(self.references))
 
     def places(self, name: str, vehicles: int) -> NDArray[np.float64]:
-        """Where the vehicles stand in a reference, about their centroid, (N, 3) [m].
+        """Positions of the vehicles in a reference, about their centroid, (N, 3) [m].
 
         Raises:
             BadInput: the reference does not fit so many vehicles.
@@ -196,21 +196,21 @@ class MavParameters:
         return {name: model.reference(self.places(name, vehicles)) for name in self.references}
 
     def tracked(self, names: tuple[str, ...], gone: Collection[int] = ()) -> dict[int, int]:
-        """Vehicle → the one that it tracks, by their places among the names.
+        """Vehicle → the one that it tracks, by index among the names.
 
-        Whom a vehicle was told to track it tracks as long as that one is there; else they are assigned anew. Where no
-        assignment of those that are left is observable, each turns to the nearest.
+        Vehicles follow `tracks` as long as all tracked ones are there; else they are assigned again. Where no
+        assignment of the rest is observable, each tracks the nearest.
 
         Args:
             names: of all vehicles.
-            gone: those that are left out; they track nobody.
+            gone: vehicles that are left out; they track nobody.
         Raises:
-            BadInput: somebody tracks nobody, a stranger or itself, or no assignment of all is observable.
+            BadInput: a vehicle tracks itself or an unknown one or none, or no assignment of all is observable.
         """
-        told = {} if self.tracks is None else self._told(names)
+        given = {} if self.tracks is None else self._given_tracks(names)
         living = [number for number in range(len(names)) if number not in gone]
-        if told and not set(gone) & set(told.values()):
-            return {number: told[number] for number in living}
+        if given and not set(gone) & set(given.values()):
+            return {number: given[number] for number in living}
         if len(living) < 2:
             return {}
         places = self.places(self.reference_at(0), len(names))[living]
@@ -225,9 +225,9 @@ class MavParameters:
         return {number: living[seen] for number, seen in zip(living, found, strict=True)}
 
     def in_sight(self, names: tuple[str, ...], gone: Collection[int] = ()) -> list[tuple[int, int]]:
-        """Those pairs of `tracked`, observer first, that see each other in the first reference; gone ones hide nobody.
+        """Pairs of `tracked`, observer first, that are in view in the first reference; those left out hide nobody.
 
-        Args and raises as of `tracked`.
+        Arguments and errors are those of `tracked`.
         """
         places = self.places(self.reference_at(0), len(names))
         living = [number for number in range(len(names)) if number not in gone]
@@ -238,21 +238,21 @@ class MavParameters:
             if math.dist(places[i], places[j]) <= self.camera_range and (i, j) not in hidden
         ]
 
-    def _told(self, names: tuple[str, ...]) -> dict[int, int]:
+    def _given_tracks(self, names: tuple[str, ...]) -> dict[int, int]:
         assert self.tracks is not None
-        told = {name: str(seen) for name, seen in self.tracks.items()}
+        given = {name: str(seen) for name, seen in self.tracks.items()}
         for name in names:
-            if told.get(name, name) == name or told[name] not in names:
-                seen = told.get(name, "nobody")
+            if given.get(name, name) == name or given[name] not in names:
+                seen = given.get(name, "nobody")
                 raise BadInput(f"tracks: vehicle {name} tracks {seen}: name another vehicle of {', '.join(names)}")
-        return {number: names.index(told[name]) for number, name in enumerate(names)}
+        return {number: names.index(given[name]) for number, name in enumerate(names)}
 
     def filter(self, vehicles: int, time_ns: int = 0) -> FormationFilter:
-        """The filter of a formation that is near the reference of an instant, at rest."""
+        """Filter that starts at rest in the reference of an instant."""
         reference = self.states(vehicles)[self.reference_at(time_ns)]
         form = self.filtering.form
         return FormationFilter(self.model(vehicles), reference, _INITIAL_SPREAD, time_ns=time_ns, form=form)
 
     def model(self, vehicles: int) -> FormationModel:
-        """Dynamics and noise of so many vehicles over one step of the camera."""
+        """Dynamics and noise over one period of the camera."""
         return FormationModel(vehicles, period_ns(self.rate, 1), self.mass, self.filtering.acceleration_noise)

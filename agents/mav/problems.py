@@ -1,4 +1,4 @@
-"""What keeps vehicles from flying as a formation, each a sentence with the remedy."""
+"""Problems that keep vehicles from flying as a formation, each a sentence with the remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .mav_settings import MavParameters
 
 
 def problems(plan: Plan) -> Sequence[str]:
-    """Of a plan whose agents are vehicles."""
+    """Problems of a plan whose agents are vehicles."""
     if not plan.is_uniform:
         return ["the vehicles of a formation are all alike: remove `only` from agents"]
     world = plan.coupled
@@ -34,7 +34,7 @@ def _rates(parameters: MavParameters, camera_rate: float) -> Iterator[str]:
 
 
 def _delays(plan: Plan, parameters: MavParameters) -> Iterator[str]:
-    """Messages that are older than the history of forces reaches back cannot be run forward."""
+    """Problem of messages older than the history of forces, which cannot be propagated."""
     if parameters.filtering.delay == "ignore":
         return
     oldest_ns = max(settings.lookahead_ns() for settings in plan.links.values()) if plan.links else 0
@@ -46,7 +46,7 @@ def _delays(plan: Plan, parameters: MavParameters) -> Iterator[str]:
 
 
 def _refusals(parameters: MavParameters, names: tuple[str, ...]) -> Iterator[str]:
-    """Whatever the parts of a vehicle refuse."""
+    """Parameters that the parts of a vehicle refuse."""
 
     def observable() -> None:
         check_observable(len(names), parameters.tracked(names).items(), names)

@@ -1,8 +1,8 @@
-"""A micro aerial vehicle of a formation: it estimates the whole formation, flies it, and keeps one other in view.
+"""A micro aerial vehicle of a formation: it estimates the whole formation, controls it, and keeps one other in view.
 
-With each frame of its camera: predict under the forces that it believes all to exert, take in what it sees and what was
-heard, command its own force (Nägeli 2014, Algorithm 1 and Sec. III-B), and turn towards whom it tracks (Sec. III-D).
-With each sample of its inertial measurement unit, its own frame (Algorithm 2). On a timer of its radio, a message.
+With each frame of its camera: predict with the estimated forces of all vehicles, update with sightings and messages,
+command its own force (Nägeli 2014, Algorithm 1 and Sec. III-B), and yaw towards the tracked vehicle (Sec. III-D). With
+each sample of its inertial measurement unit: update its inertial frame (Algorithm 2). On a timer: send a message.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Mav(Agent):
-    """One vehicle. It acts on samples and timers only: what it hears counts with the next frame of its camera.
+    """One vehicle. It acts on samples and timers only: messages are used with the next frame of its camera.
 
-    Reports `formation`, its estimate in the paper's order; aside its own `force` [N, inertial], `attitude`
+    Reports `formation`, its estimate in the paper's order; besides, its own `force` [N, inertial], its `attitude`
     (quaternion) and, on request, the `covariance`.
     """
 
@@ -72,7 +72,7 @@ class Mav(Agent):
         self._seen_ns = self._met_ns = context.now_ns
         self._turned = 0.0
         self._holds = self._lost = False
-        self._out_of_reach = 0
+        self._unusable = 0
 
     def start(self) -> None:
         """Set the timer of the radio."""
@@ -86,16 +86,16 @@ class Mav(Agent):
         self.context.set_timer(self._phase_ns + period_ns(self.parameters.radio, index), _RADIO, index)
 
     def _regroup(self) -> None:
-        """Whom to track, and the gain, with those who are left."""
+        """Set the tracked vehicle and the gain for the vehicles that are not left out."""
         self._tracked = self.parameters.tracked(self._names, self._gone).get(self._me, self._me)
         self._gain = regulator(self._filter.own.model, self.parameters.weights, self._gone)
         if self.parameters.frames.consensus and self._tracked != self._me:
             self._frames.weigh({self._names[self._tracked]: 1.0})
 
-    # -- what comes in --------------------------------------------------------------------------------------------
+    # -- samples and messages ---------------------------------------------------------------------------------------
 
     def on_sample(self, sample: Sample) -> None:
-        """The own frame with each sample of the inertial measurement unit, everything else with the camera's."""
+        """Update the inertial frame with each IMU sample, everything else with each frame of the camera."""
         if sample.sensor == IMU and sample.value is not None:
             self._frames.predict(sample.time_ns)
             self._frames.update(**read_imu(sample.value))
@@ -120,7 +120,7 @@ class Mav(Agent):
             self._compare_frames(frame.source, message)
 
     def _compare_frames(self, source: str, message: Message) -> None:
-        """What a vehicle in view says of its own attitude tells the own one by how it was seen: R_i = R_j ξᵀ."""
+        """Own attitude from that of a vehicle in view and its seen orientation: R_i = R_j ξᵀ."""
         attitude = getattr(message, "attitude", None)
         if attitude is None or not self.parameters.frames.consensus:
             return
@@ -141,7 +141,7 @@ class Mav(Agent):
         self._remember(now_ns, sights)
         seen = [] if attitude is None else sightings(self.parameters, self._me, sights, attitude)
         self._filter.update(seen)
-        self._tell_out_of_reach()
+        self._note_unusable()
         self._hold_or_go_on(now_ns, lost=attitude is None)
         believed = _LEVEL if attitude is None else attitude
         thrust, yaw_rate = self._thrust(now_ns, believed), self._yaw_rate(sights, believed)
@@ -149,7 +149,7 @@ class Mav(Agent):
         self._report(sample.index, attitude)
 
     def _leave_out(self) -> None:
-        """Who is silent while others speak is left out; when all are silent it is the radio, and nobody is."""
+        """Leave out vehicles that are silent while others send; where all are silent, nobody is left out."""
         several = len(self._others) - 1
         most = several * self.parameters.radio * self.parameters.silence * 1e-9
         silent = frozenset(other for other, last in self._last.items() if several and self._messages - last > most)
@@ -160,15 +160,15 @@ class Mav(Agent):
         self._gone = silent
         self._regroup()
 
-    def _tell_out_of_reach(self) -> None:
-        """Messages too old, or stamped too far ahead, to be run to now."""
-        out_of_reach = self._filter.message_counts.too_old + self._filter.message_counts.ahead
-        if out_of_reach > self._out_of_reach:
-            self._out_of_reach = out_of_reach
+    def _note_unusable(self) -> None:
+        """Note messages that are too old, or stamped too far ahead, to be propagated to now."""
+        unusable = self._filter.message_counts.too_old + self._filter.message_counts.ahead
+        if unusable > self._unusable:
+            self._unusable = unusable
             self.context.note("messages out of reach")
 
     def _predict(self, now_ns: int) -> None:
-        """Under the forces of the last step, in several where frames of the camera are missing."""
+        """Predict with the forces of the last step, in several steps where frames of the camera are missing."""
         for instant_ns in steps_to(self._filter.own.time_ns, now_ns):
             self._filter.predict(instant_ns, self._forces)
 
@@ -186,14 +186,14 @@ class Mav(Agent):
             self.context.note("lost from sight" if lost else "in sight again", vehicle=self._names[self._tracked])
 
     def _hold_or_go_on(self, now_ns: int, *, lost: bool) -> None:
-        """Blind and deaf for longer than its patience, or lost in its attitude, a vehicle only carries its weight."""
+        """Carry the own weight only while the attitude is unknown, or after `patience` without sighting and message."""
         holds = lost or max(self._met_ns, self._seen_ns) < now_ns - self.parameters.patience
         if holds != self._holds:
             self._holds = holds
             self.context.note("holds" if holds else "goes on")
 
     def _thrust(self, now_ns: int, attitude: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the regulator asks of the own vehicle, beside what carries its weight, in the body's axes [N]."""
+        """Force that the regulator asks of the own vehicle, without its weight, in the body's axes [N]."""
         reference = self._references[self.parameters.reference_at(now_ns)]
         if self._holds:
             self._forces = np.zeros_like(self._forces)
@@ -202,7 +202,7 @@ class Mav(Agent):
         return rotate(conjugate(attitude), self._forces[self._me])
 
     def _yaw_rate(self, sights: Mapping[int, Sight], attitude: NDArray[np.float64]) -> float:
-        """A PI controller keeps whom it tracks ahead: by its bearing in view, else by where it is believed to be."""
+        """PI control of the bearing of the tracked vehicle, as seen or else as estimated [rad/s]."""
         if self._tracked in sights:
             ahead = sights[self._tracked].place
         else:
@@ -230,13 +230,13 @@ class Mav(Agent):
     # -- the radio ----------------------------------------------------------------------------------------------------
 
     def on_timer(self, timer: Timer) -> None:
-        """Tell the neighbours what is known at the last frame of the camera; what was missed is not made up for."""
+        """Send the estimate of the last frame of the camera; missed instants are skipped."""
         if (message := self._message()) is not None:
             self.context.broadcast(encode(self._layout, message), stream="formation")
         self._next_message(max(timer.time_ns, self.context.now_ns) - self._phase_ns + 1)
 
     def _message(self) -> Message | None:
-        """What to tell; None where the message bears an attitude that is not known."""
+        """The message; None where it carries an attitude and that is not known."""
         if self._layout.kind == "full":
             return self._filter.full_message(self._me)
         now_ns = self._filter.own.time_ns
@@ -246,31 +246,31 @@ class Mav(Agent):
         unseen_ns = max(0, now_ns - self._seen_ns)
         return self._filter.pair_message(self._me, self._tracked, unseen_ns=unseen_ns, attitude=attitude)
 
-    # -- what can be said of all vehicles -----------------------------------------------------------------------------
+    # -- properties of the class --------------------------------------------------------------------------------------
 
     @classmethod
     def sends_per_second(cls, parameters: Any) -> float:
-        """The radio's rate."""
+        """Rate of the radio."""
         rate: float = parameters.radio
         return rate
 
     @classmethod
     def largest_payload(cls, parameters: Any) -> int:
-        """The packet, which no message exceeds."""
+        """Size of a packet, which no message exceeds."""
         packet: int = parameters.messages.packet
         return packet
 
     @classmethod
     def broadcasts(cls, parameters: Any) -> bool:
-        """To all neighbours at once."""
+        """Always."""
         return True
 
     @classmethod
     def libraries(cls, parameters: Any) -> Sequence[str]:
-        """What has compiled its filter, if anything has."""
+        """The compiler of its filter, if it is compiled."""
         return ("numba",) if parameters.filtering.form == "compiled" else ()
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """What keeps these vehicles from flying as a formation."""
+        """See `problems.problems`."""
         return mav_problems.problems(plan)

@@ -1,7 +1,7 @@
-"""The agent that estimates attitude and altitude by moving horizon from what its neighbours, nodes with sensors, tell.
+"""The agent that estimates attitude and altitude by moving horizon from measurements of its neighbours, sensor nodes.
 
-A measurement enters the window at the point to which its stamp belongs, however late it comes, as long as the point is
-in the window; one that is lost leaves a gap.
+A measurement enters the window at the point nearest to its stamp, however late it arrives, as long as the point is in
+the window; a lost one leaves a gap.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 ATTITUDE, ALTITUDE, DISTURBANCE, COUNTS = "attitude", "altitude", "disturbance", "measurements"
 EKF = " ekf"
 _OUTCOMES = (IN_TIME, LATE, TOO_LATE, "ahead", "refused")
-"""What can become of a measurement; one that is ahead of the own clock is used too, by less than a horizon."""
+"""Outcomes of a measurement; one that is ahead of the own clock by less than a horizon is used too."""
 COUNT_NAMES = (*(f"measurements {outcome}" for outcome in _OUTCOMES), "windows with an active bound")
 
 
@@ -49,14 +49,14 @@ class Mhe(Agent):
         self._bounded = 0
 
     def start(self) -> None:
-        """The first estimate is of the next point."""
+        """Set the timer of the first estimate, of the next point."""
         self._wait(self._first)
 
     def _wait(self, point: int) -> None:
         self.context.set_timer(period_ns(self.parameters.rate, point) + self.parameters.wait, index=point)
 
     def on_frame(self, frame: Received) -> None:
-        """Write the measurement down at the point nearest to its stamp."""
+        """Add the measurement at the point nearest to its stamp."""
         try:
             measurement = measurements.decode(frame.payload)
         except DamagedPayload:
@@ -76,7 +76,7 @@ class Mhe(Agent):
         self._counts[next(outcome for outcome in (*outcomes, "refused") if outcome is not None)] += 1
 
     def on_timer(self, timer: Timer) -> None:
-        """Estimate this point."""
+        """Estimate and report a point."""
         for configuration, track in self._tracks.items():
             pair = track.estimate(timer.index)
             self._bounded += pair.window.bounded
@@ -91,7 +91,7 @@ class Mhe(Agent):
         return [[track.save() for track in self._tracks.values()], dict(self._counts), self._bounded]
 
     def restore(self, state: Any) -> None:
-        """Go on from there; the time in between is a gap."""
+        """Restore them; the time in between is a gap."""
         tracks, counts, self._bounded = state
         self._counts = Counter(counts)
         for track, saved in zip(self._tracks.values(), tracks, strict=True):
@@ -99,25 +99,25 @@ class Mhe(Agent):
 
     @classmethod
     def sends_per_second(cls, parameters: MheParameters) -> float:
-        """It only listens."""
+        """It never sends."""
         return 0.0
 
     @classmethod
     def libraries(cls, parameters: MheParameters) -> Sequence[str]:
-        """What solves its quadratic programs."""
+        """The solver of its quadratic programs."""
         return (parameters.solver,)
 
     @classmethod
     def problems(cls, plan: Plan) -> Sequence[str]:
-        """Sensors that no node has, nodes that are not heard, samples between the points."""
+        """Problems: several hubs, sensors that do not match those of the nodes, samples between the points."""
         hubs = [agent.name for agent in plan.agents if isinstance(agent.parameters, MheParameters)]
         if len(hubs) > 1:
             return [f"agents {', '.join(hubs)} are mhe: a scenario has one, with sensor nodes around it"]
-        return [*own_sensors(plan, hubs[0]), *_unheard(plan, hubs[0]), *_misfits(plan, hubs[0])]
+        return [*own_sensors(plan, hubs[0]), *_unlisted(plan, hubs[0]), *_misfits(plan, hubs[0])]
 
 
 def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Floats]]:
-    """Quantity → value of one point: attitude (3,) [rad], altitude (1,) [m] in A, oldest disturbance of the window."""
+    """Quantities of one point: attitude (3,) [rad], altitude (1,) [m] in A, oldest disturbance in the window."""
     for suffix, state in (("", pair.window.state), (EKF, pair.filtered)):
         yield f"{ATTITUDE} {configuration}{suffix}", quaternion_to_euler(state[:4])
         if configuration == "A":
@@ -127,7 +127,7 @@ def reported(configuration: Configuration, pair: Pair) -> Iterator[tuple[str, Fl
 
 
 def tracks(parameters: MheParameters, first: int) -> dict[Configuration, Track]:
-    """Configuration → its estimators, from a first point on."""
+    """Configuration → its estimators, starting at a point."""
     return {configuration: Track(parameters, configuration, first) for configuration in parameters.configurations}
 
 
@@ -140,19 +140,19 @@ def _parameters(plan: Plan) -> MheParameters:
     return next(agent.parameters for agent in plan.agents if isinstance(agent.parameters, MheParameters))
 
 
-def _told(plan: Plan, node: str) -> tuple[str, ...]:
-    """The sensors that a node tells of, in the order of their numbers on the wire; none where it is no sensor node."""
+def _sent(plan: Plan, node: str) -> tuple[str, ...]:
+    """Sensors that a node sends, in the order of their numbers on the wire; none if it is no sensor node."""
     parameters = plan.agent(node).parameters
     if not isinstance(parameters, SensorNodeParameters) or plan.world is None:
         return ()
     return parameters.sensors or tuple(plan.world.sensors(node))
 
 
-def _unheard(plan: Plan, hub: str) -> Iterator[str]:
+def _unlisted(plan: Plan, hub: str) -> Iterator[str]:
     listed = _parameters(plan).sensors
     for node in plan.agent(hub).neighbours:
-        if node not in listed and (told := _told(plan, node)):
-            has = ", ".join(told)
+        if node not in listed and (sent := _sent(plan, node)):
+            has = ", ".join(sent)
             yield f"what {node} measures would be refused: add {node}: [{has}] to sensors of {hub}, or remove the node"
 
 
@@ -163,10 +163,10 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
             near = ", ".join(plan.agent(hub).neighbours)
             yield f"sensors of {hub} name {node}, which is no neighbour of it; its neighbours are {near}"
             continue
-        rates, told = {} if plan.world is None else plan.world.sensors(node), _told(plan, node)
-        if tuple(listed) != told:
+        rates, sent = {} if plan.world is None else plan.world.sensors(node), _sent(plan, node)
+        if tuple(listed) != sent:
             yield (
-                f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it tells of [{', '.join(told)}]: "
+                f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it sends [{', '.join(sent)}]: "
                 "write the same in the same order"
             )
         for sensor, rate in rates.items():

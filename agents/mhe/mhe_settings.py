@@ -1,4 +1,4 @@
-"""What a scenario may say of the agent that estimates by moving horizon."""
+"""Parameters of the agent that estimates by moving horizon."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _GYROSCOPE_BIAS_SD, _ACCELEROMETER_BIAS_SD = 0.02, 0.2
 _OF_A = ("largest_accelerometer", "lowest", "altitude", "arm", "flow_at")
 _NOISE_OF_A = ("flow", "ranges", "accelerometer_gap")
 _LOST = 20.0
-"""So many times wider is the first guess of one that begins in the middle of a run."""
+"""Factor on the initial standard deviations of an agent that starts in the middle of a run."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class MheParameters:
     configurations: `A`, with all sensors, `B`, with the inertial measurement unit alone, or both side by side.
     rate: points per second; the sensors' rates divide it.
     horizon: steps in a window.
-    wait: how long after a point's instant its samples are waited for.
+    wait: delay of an estimate after its point, for samples to arrive.
     solver: of the quadratic program.
-    gyroscope_bias, accelerometer_bias: whether these biases are states; B has no accelerometer's.
+    gyroscope_bias, accelerometer_bias: whether these biases are states; in B only the first can be.
     largest_gyroscope, largest_accelerometer: bounds of the disturbances.
-    lowest: bound of the altitude from below.
-    as_printed: what the models take from the paper to the letter, (13) or (17).
-    altitude, yaw: where the vehicle is when it starts, level and at rest.
-    arm, flow_at: where the sensors are.
-    noise: standard deviations that the models believe.
+    lowest: lower bound of the altitude.
+    as_printed: equations of the paper to use exactly as printed, (13) or (17).
+    altitude, yaw: initial pose of the vehicle, level and at rest.
+    arm, flow_at: positions of the sensors.
+    noise: standard deviations in the models.
 
     Raises:
         BadInput: no sensor, or none that a configuration can use; one twice; a rate, horizon or wait out of bounds.
@@ -122,7 +122,7 @@ class MheParameters:
                 )
 
     def model(self, configuration: Configuration) -> QuadrotorModel | AttitudeModel:
-        """The model of a configuration."""
+        """Model of a configuration."""
         printed = "accelerometer" in self.as_printed
         if configuration == "B":
             return AttitudeModel(
@@ -147,7 +147,7 @@ class MheParameters:
         )
 
     def start(self, configuration: Configuration, *, lost: bool) -> tuple[Floats, Floats]:
-        """First guess of the state and covariance of its error; `lost` in the middle of a flight."""
+        """Initial state and covariance of its error; `lost`: in the middle of a flight."""
         model = self.model(configuration)
         attitude, wider = euler_to_quaternion(0.0, 0.0, self.yaw), _LOST if lost else 1.0
         if isinstance(model, AttitudeModel):

@@ -1,4 +1,4 @@
-"""One configuration's moving horizon and the filter beside it, fed by sensors' names and points of a grid in time."""
+"""Moving horizon estimator and Kalman filter of one configuration, fed by sensor name and point of a time grid."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ IN_TIME, LATE, TOO_LATE = "in time", "late", "too late"
 
 @dataclass(frozen=True)
 class Pair:
-    """What both say of one point: the window, and the state (S,) of the filter."""
+    """Estimates of one point: the window, and the state (S,) of the filter."""
 
     window: Estimated
     filtered: Floats
 
 
 class Track:
-    """The estimators of one configuration from a first point on.
+    """Estimators of one configuration, starting at a point.
 
-    The window takes what comes late as long as its point is in it; the filter takes a point's samples once, when the
+    The window takes late samples as long as their point is in it; the filter takes those that have arrived when their
     point is estimated.
     """
 
@@ -44,7 +44,7 @@ class Track:
         self._estimated = first - 1
 
     def put(self, sensor: str, point: int, values: Floats) -> str | None:
-        """Write down a sample of a point: in time, late or too late; None where there is no use for it."""
+        """Add a sample of a point; whether it was in time, late or too late, None where the model does not use it."""
         if sensor not in self._places:
             return None
         if point > self._estimated:
@@ -58,12 +58,12 @@ class Track:
         return LATE
 
     def estimate(self, point: int) -> Pair:
-        """Go on to a point, with what there is of it and of those before it, and estimate."""
+        """Advance to a point, with the samples so far, and estimate it."""
         while self._estimated < point:
-            self._go_on()
+            self._advance()
         return Pair(self._window.estimate(), self._filter.state)
 
-    def _go_on(self) -> None:
+    def _advance(self) -> None:
         self._estimated += 1
         inputs, measured = (np.full(size, np.nan) for size in self._sizes)
         for sensor, values in self._waiting.pop(self._estimated, ()):
@@ -83,12 +83,12 @@ class Track:
         return [self._first, self._estimated, self._window.save(), self._filter.save()]
 
     def restore(self, saved: Sequence[Any]) -> None:
-        """Go on from what `save` gave; the points in between have no samples."""
+        """Restore what `save` gave; the points in between have no samples."""
         self._first, self._estimated, window, filtered = saved
         self._window.restore(window)
         self._filter.restore(filtered)
 
 
 def widths(sensors: Sequence[str]) -> list[int]:
-    """How many values a sample of each sensor has."""
+    """Number of values in a sample of each sensor."""
     return [where.stop - where.start for _, where in (PLACES["A"][sensor] for sensor in sensors)]

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...agents.agent import Sample
-from ...agents.dfa.array import SENSOR
 from ...agents.dfa.dfa_settings import DfaParameters
 from ...agents.plan import Plan
 from ...estimators.flying_array.least_squares import centralised_estimate, noncollinear
 from ...estimators.flying_array.plane import exact_state
 from ...quantities import Component, Floats, Quantity
 from ...units import period_ns
+from ...worlds.plane.plane_world import SENSOR
 from .evaluation import Evaluation, Series
 
 _DEGREE = 180 / math.pi

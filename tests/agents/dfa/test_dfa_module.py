@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from volery import topologies
 from volery.agents import payloads
 from volery.agents.agent import Context, Received, Sample, Timer
-from volery.agents.dfa.dfa_settings import COUNTS, DfaParameters
+from volery.agents.dfa.dfa_settings import DfaParameters
 from volery.agents.dfa.module import DfaModule
 from volery.agents.plan import AgentPlan, Plan
+from volery.agents.sample_counts import COUNTS
 from volery.errors import BadInput
 from volery.experiments.record.record import Record
 from volery.experiments.twin import recorded

@@ -279,7 +279,7 @@ def test_what_cannot_estimate_is_refused(changes: dict[str, Any], said: str) -> 
         ((f"{HUB}.sensors={{tail: [flow]}}",), "sensors of hub name tail, which is no neighbour of it"),
         ((f"{HUB}.sensors={{flow: [flow]}}",), r"what imu measures would be refused: add imu: \[gyroscope, acc"),
         (("world.sensors.hub=flow", "world.sensors.flow=[]"), "hub has flow of its own"),
-        ((f"{HUB}.sensors={{left: [flow]}}",), r"say that left has \[flow\], but it tells of \[range_left\]"),
+        ((f"{HUB}.sensors={{left: [flow]}}",), r"say that left has \[flow\], but it sends \[range_left\]"),
         ((f"{HUB}.where=[hub, back]",), "agents back, hub are mhe"),
         (
             ("agents.only.0.sensors=[gyroscope, compass]",),
