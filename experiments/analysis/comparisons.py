@@ -91,7 +91,12 @@ def _where_divergence_is(spread: float, p: float, end: float) -> float:
 
 
 def compare_mean(
-    asked: Sequence[float], got: Sequence[float], inflation: float, alpha: float, rounding: float
+    asked: Sequence[float],
+    got: Sequence[float],
+    inflation: float,
+    alpha: float,
+    rounding: float,
+    least: float = -math.inf,
 ) -> Comparison:
     """The mean of values whose expectations are known, by its standard error.
 
@@ -105,6 +110,7 @@ def compare_mean(
         inflation: long-run variance of their mean relative to that of independent values.
         alpha: probability of a false alarm.
         rounding: difference that rounding explains, and the greatest one where nothing is random.
+        least: what no mean can be below, which the bound of a skewed law may be.
     """
     count = len(got)
     if not count:
@@ -120,7 +126,7 @@ def compare_mean(
     shift = third / (6 * variance * count) + third * centre**2 / (3 * variance**2) if variance else 0.0
     z = -NormalDist().inv_cdf(alpha / 2)
     bound = z * math.sqrt(variance * inflation / count) + rounding
-    low, high = mean_asked - bound - shift, mean_asked + bound - shift
+    low, high = max(least, mean_asked - bound - shift), mean_asked + bound - shift
     few = max(squares) * inflation > _SINGLE_SHARE * variance * count > 0
     decision: Decision = "too few" if few else "within" if low <= mean_got <= high else "outside"
     return Comparison(count, mean_asked, mean_got, low, high, decision)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -106,10 +105,16 @@ def frame_columns(record: Record) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[tuple[Any, ...]]) -> None:
+    """Write rows with every text in quotes, an empty cell for None."""
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(rows)
+        for row in ((*columns,), *rows):
+            file.write(",".join(map(_cell, row)) + "\r\n")
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace('"', '""') + '"'
+    return "" if value is None else repr(value)
 
 
 def write_parquet(path: Path, columns: dict[str, str], rows: Iterable[tuple[Any, ...]]) -> None:

@@ -106,6 +106,16 @@ def test_a_mean_that_is_off_is_outside() -> None:
     assert compare_mean([0.0] * 1000, list(values + 2.8 * error), 2.0, ALPHA, 0.0).decision == "within"
 
 
+def test_the_bound_of_a_skewed_mean_is_not_below_what_can_be() -> None:
+    """Fifteen latencies, three of them long: the symmetric bound, shifted for skewness, would become negative."""
+    values = [0.1] * 12 + [20.0] * 3
+    asked = [4.08] * 15
+    assert compare_mean(asked, values, 1.0, ALPHA, 0.0).low < 0.0
+    found = compare_mean(asked, values, 1.0, ALPHA, 0.0, 0.01)
+    assert found.low == 0.01
+    assert found.decision == compare_mean(asked, values, 1.0, ALPHA, 0.0).decision
+
+
 def test_a_mean_that_one_value_decides_tells_nothing() -> None:
     """A heavy tail."""
     assert compare_mean([1.0] * 100, [0.0] * 99 + [1000.0], 1.0, ALPHA, 0.0).decision == "too few"

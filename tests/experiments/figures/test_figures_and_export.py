@@ -173,6 +173,8 @@ def test_csv_and_parquet_hold_the_same_rows(tmp_path: Path, record: Record) -> N
     with (tmp_path / "estimates.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == list(export.ESTIMATE_COLUMNS)
+    first = (tmp_path / "estimates.csv").read_text("utf-8").splitlines()[1].split(",")
+    assert (first[0], first[2]) == ('"1"', '"estimate"')  # a text, though it looks like a number
     assert [float(row["value"]).hex() for row in rows] == [row[6].hex() for row in expected]
     with duckdb.connect() as database:
         assert database.read_parquet(str(tmp_path / "estimates.parquet")).fetchall() == expected
