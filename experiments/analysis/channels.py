@@ -178,7 +178,7 @@ def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> 
 
 
 def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
-    asked, got, least = [], [], []
+    asked, got = [], []
     held_up, last_due, life, inflation = False, -1, 0, 1.0
     for frame in sent:
         if frame.incarnation != life:
@@ -190,10 +190,8 @@ def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
             inflation = max(inflation, model.variance_inflation)
             asked.append(model.expected_ns(frame.start_ns + frame.airtime_ns))
             got.append(frame.latency_ns)
-            least.append(model.minimum_ns)
     rounding_ns = _WALL_CLOCK_NS if any(frame.timed for frame in sent) else _ROUNDING_NS
-    floor_ns = math.fsum(least) / max(1, len(least))
-    found = compare_mean(asked, got, inflation, alpha, rounding_ns, floor_ns)
+    found = compare_mean(asked, got, inflation, alpha, rounding_ns, least=0.0)
     if held_up and found.decision != "within":
         return replace(found, decision="not comparable")
     return found

@@ -33,9 +33,7 @@ Which = Annotated[str, Parameter(help=_WHICH)]
 Formats = Annotated[tuple[str, ...], Parameter("--format", help="Such as png, pdf or svg; may be given several times.")]
 Quantity = Annotated[str | None, Parameter(help="Reported quantity to draw; the first by default.")]
 FiguresFolder = Annotated[Path | None, Parameter(help="Folder for the figures; by default `figures` in the run's.")]
-Csv = Annotated[
-    bool, Parameter(help="As estimates.csv and frames.csv; texts, such as the agents' names, are in quotes.")
-]
+Csv = Annotated[bool, Parameter(help="As estimates.csv and frames.csv; texts such as names of agents in quotes.")]
 Parquet = Annotated[bool, Parameter(help="As estimates.parquet and frames.parquet.")]
 Npz = Annotated[bool, Parameter(help="As run.npz, for numpy.")]
 ExportFolder = Annotated[Path | None, Parameter(help="Folder for the files; by default `export` in the run's.")]
