@@ -27,13 +27,12 @@ from ..transport.faults import Kill, in_force
 from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
-from .record.background import BackgroundSink
 from .record.evaluation_pass import evaluate_run
 from .record.kept_sources import keep_sources, kept_modules
 from .record.machine import fingerprint, git_state, libraries
 from .record.plan_file import write_plan
 from .record.record import Record, load
-from .record.recorder import Recorder
+from .record.recorder import BackgroundSink, Recorder
 from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE, SOURCES_FOLDER
 from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace

@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
 from ..evaluation.evaluation import Finding
 from ..evaluation.evaluation_result import EvaluationResult
+from ..record.encoding import defined
 from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
@@ -154,8 +154,8 @@ class Metrics:
         return self.seconds / self.wall_s if self.wall_s > 0 else math.nan
 
     def to_json(self) -> str:
-        """JSON, null for what is not defined."""
-        return json.dumps(_defined(asdict(self)), indent=1, allow_nan=False)
+        """JSON, null for what is not defined, "inf" for what is infinite."""
+        return json.dumps(defined(asdict(self)), indent=1, allow_nan=False)
 
 
 def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
@@ -326,12 +326,3 @@ def _notes(record: Record) -> Iterator[Finding]:
         yield Finding(
             f"noted: {what}", count, "", f"first by {first['agent']} at {first['time_ns'] / NANOSECONDS:.3f} s"
         )
-
-
-def _defined(value: Any) -> Any:
-    """The value with None for NaN, at any depth."""
-    if isinstance(value, dict):
-        return {key: _defined(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_defined(item) for item in value]
-    return None if isinstance(value, float) and math.isnan(value) else value

@@ -11,16 +11,18 @@ from cyclopts import Parameter
 
 from ...errors import BadInput
 from ..analysis.statistics import CONFIDENCE
-from ..sweeps.run_measures import RUN, entries_of_runs, measured_runs
 from ..sweeps.significance import (
     RATHER_LARGE,
+    RUN,
     Entry,
     check_measure,
     contests,
     default_by,
     defined,
     entries,
+    entries_of_runs,
     main_measure,
+    measured_runs,
 )
 from ..sweeps.sweep_results import load_sweep
 from .common_options import RUNS, RunsFolder

@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from ..analysis.statistics import SIGNIFICANCE, Interval, seeds_needed
+from ..record.encoding import defined
 from ..sweeps.significance import Contest, Standing
 from ..sweeps.sweep_results import Sweep
 
@@ -118,26 +119,21 @@ def _most(contest: Contest) -> int:
 def to_plain(contests: Sequence[Contest]) -> list[dict[str, Any]]:
     """Contests as plain values for JSON, None for what is not known."""
     return [
-        {
-            "where": dict(contest.where),
-            "standings": [
-                {
-                    "contestant": standing.label,
-                    **{key: _defined(value) for key, value in vars(standing.interval).items()},
-                    "runs": standing.runs,
-                    "behind": _defined(standing.behind),
-                    "p": _defined(standing.p),
-                    "places_of_halves": [place + 1 for place in standing.of_halves],
-                    "better_than": [contest.standings[other].label for other in standing.better_than],
-                }
-                for standing in contest.standings
-            ],
-        }
+        {"where": dict(contest.where), "standings": [_plain(one, contest) for one in contest.standings]}
         for contest in contests
     ]
 
 
-def _defined(value: float) -> float | str | None:
-    if math.isnan(value):
-        return None
-    return value if math.isfinite(value) else repr(value)
+def _plain(standing: Standing, contest: Contest) -> dict[str, Any]:
+    plain: dict[str, Any] = defined(
+        {
+            "contestant": standing.label,
+            **vars(standing.interval),
+            "runs": standing.runs,
+            "behind": standing.behind,
+            "p": standing.p,
+            "places_of_halves": [place + 1 for place in standing.of_halves],
+            "better_than": [contest.standings[other].label for other in standing.better_than],
+        }
+    )
+    return plain

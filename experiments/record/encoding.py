@@ -42,6 +42,17 @@ def row_from_json(kind: Any, fields: Iterable[Any]) -> Any:
     return row if value is None else row._replace(value=vector_from_json(value))
 
 
+def defined(value: Any) -> Any:
+    """Plain values of any depth for people: None for NaN, "inf" and "-inf" for infinities."""
+    if isinstance(value, dict):
+        return {key: defined(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [defined(item) for item in value]
+    if not isinstance(value, float) or math.isfinite(value):
+        return value
+    return None if math.isnan(value) else repr(value)
+
+
 def tag(value: Any) -> Any:
     """Plain values of any depth, with floats that are not finite as {"float": text}."""
     if isinstance(value, dict):

@@ -8,7 +8,11 @@ time in nanoseconds since the start of the run.
 
 from __future__ import annotations
 
+import os
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from queue import SimpleQueue
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -21,6 +25,7 @@ from .run_files import RECORD_FILE
 
 PROFILE = "volery"
 _FACTS_TOGETHER = 100
+_NICENESS = 19
 ESTIMATES, FACTS, FRAMES, EVENTS, RUN_EVENTS = "estimates", "facts", "frames", "events", "/run/events"
 
 
@@ -135,3 +140,51 @@ class Recorder:
             self._counts[topic] = 0
         self._writer.add_message(self._channels[topic], time_ns, dump(message), time_ns, self._counts[topic])
         self._counts[topic] += 1
+
+
+class BackgroundSink:
+    """Hands what it is given to a recorder, in order, on a thread of the lowest priority; leaving it waits for all.
+
+    Writing the record must not make frames late.
+
+    Raises on leaving what the recorder raised.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._work: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._write, name="volery-record", daemon=True)
+
+    def __call__(self, batch: Batch) -> None:
+        """Take the entries of one agent."""
+        self._work.put(lambda: self._recorder(batch))
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Take an event of the run."""
+        self._work.put(lambda: self._recorder.event(event))
+
+    def flush(self) -> None:
+        """Bring everything so far into the file, soon."""
+        self._work.put(self._recorder.flush)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._work.put(None)
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _write(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        while (work := self._work.get()) is not None:
+            if self._error is None:
+                try:
+                    work()
+                except BaseException as error:  # noqa: BLE001 - raised again where the sink is left
+                    self._error = error

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 
 from ...errors import BadInput
 from ...names import did_you_mean
 from ..analysis.statistics import CONFIDENCE, SIGNIFICANCE, Interval, holm, mean_interval, paired_test
+from ..record.record import load
+from ..record.run_files import SCENARIO_FILE
 from .sweep_results import Sweep
+from .sweep_runs import Values, measure
 
-SWEEP = "sweep"
-"""The axis that several sweeps span together."""
+SWEEP, RUN = "sweep", "run"
+"""The axis that several sweeps span together, or several runs."""
+_SEED = re.compile(r"^seed:.*\n", re.MULTILINE)
 RATHER_LARGE = ("links.delivered_fraction",)
 """Measures of which more is better; of all others less."""
 _ERRORS = ("oracle_error", "truth_error", "disagreement")
@@ -99,6 +105,29 @@ def entries(sweeps: Sequence[Sweep], measure: str) -> list[Entry]:
             name = {SWEEP: sweep.folder.name} if len(sweeps) > 1 else {}
             found.append(Entry({**name, **dict(zip(axes, cell.labels, strict=True))}, values[index], runs[index]))
     return found
+
+
+def measured_runs(folders: Sequence[Path]) -> dict[str, tuple[int, str, Values]]:
+    """Name of a run's folder → its seed, its scenario without the seed, and what was measured."""
+    found = {}
+    for folder in folders:
+        record = load(folder)
+        without_seed = _SEED.sub("", (folder / SCENARIO_FILE).read_text("utf-8"))
+        found[folder.resolve().name] = record.plan.seed, without_seed, measure(record)
+    return found
+
+
+def entries_of_runs(found: Mapping[str, tuple[int, str, Values]], name: str) -> list[Entry]:
+    """One entry for all runs that differ in their seed only, called by the first of them."""
+    first: dict[str, str] = {}
+    runs: Counter[str] = Counter()
+    values: dict[str, dict[int, float]] = {}
+    for run, (seed, text, measured) in found.items():
+        label = first.setdefault(text, run)
+        value = measured.get(name)
+        values.setdefault(label, {}).update({} if value is None else {seed: value})
+        runs[label] += 1
+    return [Entry({RUN: label}, those, runs[label]) for label, those in values.items()]
 
 
 def contests(

@@ -10,7 +10,7 @@ import pytest
 
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
-from volery.experiments.evaluation import formation_estimator
+from volery.experiments.evaluation import mav_evaluation
 from volery.experiments.evaluation.evaluation import Series
 from volery.experiments.evaluation.mav_findings import estimate_spread, mean_nees, pushed_centre, shape_errors
 from volery.experiments.record.record import Record
@@ -68,7 +68,7 @@ def test_the_centralised_filter_takes_many_sightings_in_parts_to_the_same_end(mo
     """Nine vehicles that see several each: in one update or in several, the estimates differ by rounding."""
     flight = ("mav9", "duration=1 s", NO_STEPS, NO_FAULTS)
     apart = fly(*flight).central("formation")["1"]
-    monkeypatch.setattr(formation_estimator, "_AT_ONCE", 1_000)
+    monkeypatch.setattr(mav_evaluation, "_AT_ONCE", 1_000)
     together = fly(*flight).central("formation")["1"]
     assert not np.array_equal(apart, together)
     assert np.abs(apart - together).max() < 1e-9

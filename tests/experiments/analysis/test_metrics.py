@@ -47,6 +47,14 @@ def decaying(agent: str, sign: float) -> Batch:
     return batch
 
 
+def test_metrics_of_estimates_that_diverged_are_written(record_of: Make) -> None:
+    """What is infinite is a text in JSON, which has no infinity; what is not defined is null."""
+    record = record_of(Batch("1", 0, [Estimate(0, "estimate", 0, [math.inf, 0.0])]))
+    error = json.loads(compute_metrics(record).to_json())["quantities"]["estimate"]["truth_error"]
+    assert error["final"] == "inf"
+    assert json.loads(compute_metrics(record_of(decaying("1", 1))).to_json())["wall_s"] is None
+
+
 def test_errors_of_a_known_course(record_of: Make) -> None:
     """Two agents at ±0.5^k about the oracle: disagreement and error are 0.5^k, the truth is one off."""
     metrics = compute_metrics(record_of(decaying("1", 1), decaying("2", -1)), threshold=0.1)

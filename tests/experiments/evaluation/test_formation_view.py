@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from volery.experiments.evaluation.formation_view import formation_view
+from volery.experiments.evaluation.mav_evaluation import formation_view
 
 APART = np.array([[1.0, -2.0, 0.5], [3.0, 0.0, 0.1]])
 
