@@ -11,7 +11,7 @@ _KEPT = 256
 
 
 def walk(seed: int, purpose: str, agent: str, time_ns: int) -> float:
-    """A random walk with unit variance a second, at an instant from 0 on; it is 0 at 0 and linear within seconds.
+    """Value at an instant ≥ 0 of a random walk with unit variance per second; 0 at 0, and linear within seconds.
 
     Dimensionless per √s: multiply by the strength of a walk, as in m/√s.
     """
@@ -21,7 +21,7 @@ def walk(seed: int, purpose: str, agent: str, time_ns: int) -> float:
 
 
 class _Knots:
-    """The values at whole seconds, summed up as far as they were asked for."""
+    """Values at whole seconds, summed on demand."""
 
     def __init__(self, seed: int, purpose: str, agent: str) -> None:
         self._draws = stream(seed, purpose, agent)

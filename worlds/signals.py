@@ -16,18 +16,18 @@ OwnersUnit = Annotated[float, OWNERS]
 
 
 class Signal(Protocol):
-    """A quantity that changes in time; its unit is its owner's business."""
+    """A quantity as a function of time; the owner knows its unit."""
 
     def value(self, time_ns: int) -> float:
         """The value at an instant."""
 
     def bounds(self) -> tuple[float, float]:
-        """The smallest and the largest value that it can take."""
+        """Smallest and largest value."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """Always the same value.
+    """A constant value.
 
     level: the value.
     """
@@ -73,12 +73,12 @@ class Steps:
 
 @dataclass(frozen=True)
 class Ramp:
-    """From the first level, from an instant on in a straight line for `over_ns`, to the last level, where it stays.
+    """Linear from the first level to the last within `over_ns`, constant before and after.
 
     from: the first level.
     to: the last level.
-    at: when it begins.
-    over: how long it takes.
+    at: start.
+    over: duration.
 
     Raises:
         BadInput: it begins before 0, or lasts no time.
@@ -110,9 +110,9 @@ class Ramp:
 class Sine:
     """mean + amplitude · sin(2π · frequency · t + phase); frequency in Hz, phase in rad.
 
-    amplitude: the largest departure from the mean.
+    amplitude: of the sine.
     frequency: periods per second.
-    mean: in the middle.
+    mean: value about which it oscillates.
     phase: at time 0.
 
     Raises:

@@ -12,10 +12,10 @@ from ..topologies import Position
 
 
 class WorldSettings(Protocol):
-    """What a scenario says of a world."""
+    """Settings of a world."""
 
     needs_places: ClassVar[bool]
-    """Whether agents must have places."""
+    """Whether agents need positions."""
 
     def build(self, positions: Mapping[str, Position], seed: int, agents: Sequence[str]) -> Any:
         """The world.

@@ -33,7 +33,7 @@ from .tour import GRAVITY, Pose, Tour
 
 _KEPT = 256
 _SETTLING_NS = 1_000_000_000
-"""A barometer's bias shifts within a second of the take-off."""
+"""Duration of the shift of a barometer's bias after the take-off."""
 
 
 class AltitudeSensor(Protocol):
@@ -179,5 +179,5 @@ def _rounded(value: float, resolution: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=_KEPT)
 def _stream(seed: int, purpose: str, agent: str) -> Stream:
-    """The noise of one sensor, kept because it holds a block of draws; its draws do not depend on that."""
+    """Noise stream of one sensor; cached because it draws in blocks, without effect on the draws."""
     return stream(seed, purpose, agent)

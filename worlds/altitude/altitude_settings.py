@@ -1,4 +1,4 @@
-"""What a scenario says of a vehicle that flies over a room."""
+"""Settings of a vehicle that flies over a room."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Point = tuple[Metres, Metres]
 
 @dataclass(frozen=True)
 class FlightSettings:
-    """What is flown; see `tour.Tour`.
+    """The flight; see `tour.Tour`.
 
     waypoints: the first above the place of take-off, the last above that of landing.
-    altitude: over the floor, of the legs.
-    speed: mean one of a leg.
-    wait: how long it stands before the take-off, and hovers before it lands.
-    take_off: how long it climbs.
-    landing: how long it descends.
-    drop: from this height over the surface it falls freely.
-    sway: the altitude sways between the reference and so much above it.
-    sway_period: about that of one sway.
+    altitude: of the legs, over the floor.
+    speed: mean speed of a leg.
+    wait: time on the ground before the take-off, and hovering before the landing.
+    take_off: duration of the climb.
+    landing: duration of the descent.
+    drop: height over the surface from which it falls freely.
+    sway: amplitude by which the altitude rises above the reference and back.
+    sway_period: approximate period of the sway.
     """
 
     waypoints: tuple[Point, ...]
@@ -59,7 +59,7 @@ class Table:
     centre: of the box.
     size: along x and y.
     height: of its surface.
-    roughness: standard deviation that it adds to the readings of range finders.
+    roughness: additional standard deviation of range finders above it.
     """
 
     uneven: ClassVar[bool] = False
@@ -74,7 +74,7 @@ class Table:
         self.obstacle()
 
     def obstacle(self) -> Obstacle:
-        """For the room."""
+        """The obstacle in the room."""
         return Obstacle(self.centre, self.size, self.height, self.uneven, self.roughness)
 
 
@@ -104,7 +104,7 @@ OBSTACLES = Kinds("obstacle", {"table": Table, "chair": Chair, "platform": Platf
 class AltitudeSettings:
     """A vehicle that flies over a room, with its sensors on agents.
 
-    flight: what is flown.
+    flight: take-off, legs and landing.
     sensors: agent → its sensor, as in {imu1: imu, baro: {barometer: {bias: 35 cm}}}.
     obstacles: on the floor, as in [{table: {centre: [2 m, 0 m]}}, {chair: …}, {platform: …}].
     """

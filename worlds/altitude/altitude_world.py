@@ -30,7 +30,7 @@ class AltitudeWorld:
     seed: int
 
     def __post_init__(self) -> None:
-        """Check what would make no sense at some instant of the run."""
+        """Check that there are sensors, and that the flight stays clear of the obstacles."""
         if not self.carried:
             raise BadInput("no sensor: give at least one agent one of imu, barometer and range")
         for obstacle in self.room.obstacles:

@@ -1,4 +1,4 @@
-"""What stands on the floor of a room: tables, platforms, and chairs with their uneven surface. Lengths in metres."""
+"""Obstacles on the floor of a room: tables, platforms, and chairs with uneven surfaces. Lengths in metres."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ...randomness import stream
 
 _CELL = 0.1
 _BACK, _GAP = 0.2, 0.4
-"""Of the cells of a chair, a fifth is back rest, and another fifth lets the floor be seen."""
+"""Fractions of a chair's cells: a fifth is back rest, another fifth a gap to the floor."""
 _BACK_HEIGHT = 1.9
-"""Of a back rest, in heights of the seat."""
+"""Height of a back rest relative to the seat."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class Obstacle:
 
     @property
     def top(self) -> float:
-        """The largest height that it has anywhere."""
+        """Largest height anywhere on it."""
         return self.height * (_BACK_HEIGHT if self.uneven else 1.0)
 
     def is_at(self, x: float, y: float) -> bool:
-        """Whether it stands there."""
+        """Whether it covers a place."""
         return abs(x - self.centre[0]) <= self.size[0] / 2 and abs(y - self.centre[1]) <= self.size[1] / 2
 
 
@@ -58,7 +58,7 @@ class Room:
     seed: int
 
     def surface(self, x: float, y: float) -> tuple[float, float]:
-        """Height of the surface [m], and how much it adds to the noise of range finders [m]."""
+        """Height of the surface [m], and its additional noise of range finders [m]."""
         surfaces = [
             (self._height(number, obstacle, x, y), obstacle.roughness)
             for number, obstacle in enumerate(self.obstacles)
@@ -67,10 +67,10 @@ class Room:
         return max(surfaces, default=(0.0, 0.0))
 
     def beam(self, position: tuple[float, float, float], direction: tuple[float, float, float]) -> tuple[float, float]:
-        """How far a beam goes until it meets a surface [m], and what that adds to its noise [m].
+        """Length of a beam to the surface that it meets [m], and the additional noise of that surface [m].
 
         Args:
-            position: where it starts, z above the surface there [m].
+            position: start of the beam, above the surface [m].
             direction: of unit length, pointing down.
 
         The sides of obstacles reflect nothing: a beam that only they would meet goes on to the surface below.
@@ -92,7 +92,7 @@ class Room:
 
 
 def _levels(obstacle: Obstacle) -> tuple[float, ...]:
-    """The heights that its surface has: back rest, seat and gap of a chair."""
+    """Heights of its surface: back rest, seat and gap of a chair."""
     return (obstacle.top, obstacle.height, 0.0) if obstacle.uneven else (obstacle.height,)
 
 

@@ -23,12 +23,12 @@ GRAVITY = 9.81
 _SECOND_NS = 1_000_000_000
 _NOWHERE = (0.0, 0.0, 0.0, 0.0)
 _GEAR = 0.25
-"""The share of a fall in which the landing gear gives way; it brakes with (1 − share)/share of gravity."""
+"""Fraction of a fall in which the landing gear brakes it, with (1 − fraction)/fraction times gravity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where the vehicle is and how it turns.
+    """Position, attitude and motion of the vehicle.
 
     position, velocity, acceleration (3,) [m, m/s, m/s²], z up; roll and pitch [rad], turned as R = R_y(pitch) R_x(roll)
     body→inertial; roll and pitch rate of the body [rad/s]; specific_force along the body's z axis [m/s²].
@@ -46,12 +46,13 @@ class Pose:
 
 @dataclass(frozen=True)
 class Tour:
-    """What is flown.
+    """A flight.
 
     waypoints: (x, y) [m], the first above the place of take-off, the last above that of landing.
     ground: height of the surface at the first and at the last waypoint [m].
     altitude: over the floor, of the legs [m]. speed: mean one of a leg [m/s].
-    wait, take_off, landing: how long it stands before, climbs and descends [s]; it hovers for `wait` before it lands.
+    wait, take_off, landing: durations on the ground before, of the climb and of the descent [s]; it hovers for `wait`
+    before the landing.
     drop: from this height over the surface it falls freely; in the last quarter of it the gear brakes the fall [m].
     sway: the altitude sways between the reference and so much above it [m]; sway_period: about that of one sway [s].
 
@@ -86,7 +87,7 @@ class Tour:
 
     @cached_property
     def legs_ns(self) -> tuple[int, ...]:
-        """When the legs begin, and when the last one ends."""
+        """Starts of the legs, and end of the last one."""
         times = [round((self.wait + self.take_off) * _SECOND_NS)]
         for first, second in pairwise(self.waypoints):
             times.append(times[-1] + round(math.dist(first, second) / self.speed * _SECOND_NS))
@@ -94,17 +95,17 @@ class Tour:
 
     @cached_property
     def take_off_ns(self) -> int:
-        """When it leaves the ground."""
+        """Instant of the take-off."""
         return round(self.wait * _SECOND_NS)
 
     @cached_property
     def descent_ns(self) -> int:
-        """When it begins to land."""
+        """Start of the descent."""
         return self.legs_ns[-1] + round(self.wait * _SECOND_NS)
 
     @cached_property
     def down_ns(self) -> int:
-        """When it is at rest on the ground again."""
+        """Instant from which it is at rest on the ground."""
         return self._touching_ns + round(_GEAR / (1 - _GEAR) * (self._touching_ns - self._falling_ns))
 
     @cached_property
@@ -116,7 +117,7 @@ class Tour:
         return self._falling_ns + round(math.sqrt(2 * self.drop * (1 - _GEAR) / GRAVITY) * _SECOND_NS)
 
     def pose(self, time_ns: int) -> Pose:
-        """Where it is at an instant."""
+        """Pose at an instant."""
         motion = np.array([*self._across(time_ns), self._up(time_ns)])
         return _tilted(*motion.T)
 
@@ -151,7 +152,7 @@ class Tour:
         return (height, *(rise * up - fall * under + side for up, under, side in rates))
 
     def _swing(self, time_ns: int) -> tuple[float, ...]:
-        """What the altitude sways during the legs: (1 − cos ωt)/2 of a whole number of periods."""
+        """Sway of the altitude during the legs: (1 − cos ωt)/2, a whole number of periods."""
         begin, end = self.legs_ns[0], self.legs_ns[-1]
         if not begin < time_ns < end:
             return _NOWHERE
@@ -163,7 +164,7 @@ class Tour:
 
 
 def _smooth(time_ns: int, duration_ns: int) -> tuple[float, float, float, float]:
-    """The share that is done of a part that lasts so long, and its first three derivatives [1/s, 1/s², 1/s³]."""
+    """Completed fraction of a part of the flight, and its first three derivatives [1/s, 1/s², 1/s³]."""
     if time_ns <= 0:
         return _NOWHERE
     if time_ns >= duration_ns:
@@ -184,7 +185,7 @@ def _tilted(
     acceleration: NDArray[np.float64],
     jerk: NDArray[np.float64],
 ) -> Pose:
-    """The pose whose thrust, along the body's z axis, gives this acceleration.
+    """Pose in which the thrust, along the body's z axis, gives an acceleration.
 
     f·R e₃ = a + g e₃ with R e₃ = (sin θ cos φ, −sin φ, cos θ cos φ) for roll φ and pitch θ. Body rates for no yaw:
     ω_x = φ̇ and ω_y = θ̇ cos φ, as Bavle 2017, (8). In free fall the tilt is 0.

@@ -1,4 +1,4 @@
-"""What the air does to vehicles: turbulence of their own, and gusts that all of them feel, as accelerations [m/s²]."""
+"""Disturbances of vehicles by the air, as accelerations [m/s²]: turbulence of each, and gusts common to all."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Turbulence:
     Attributes:
         acceleration: σ on each horizontal axis [m/s²].
         correlation: T [s].
-        vertical: what share of σ is felt vertically; little, because vehicles of this kind hold their height by a
+        vertical: fraction of σ that acts vertically; small, because such vehicles control their height with a
             sensor of their own.
 
     Raises:
@@ -48,7 +48,7 @@ class Turbulence:
 
 
 class Swirl:
-    """Turbulence as it goes on: an exact discretisation on a grid of time, its first value from the stationary law."""
+    """State of the turbulence: exact discretisation on a time grid, starting from the stationary distribution."""
 
     def __init__(self, turbulence: Turbulence, seed: int, agents: Sequence[str]) -> None:
         self._turbulence = turbulence
@@ -58,7 +58,7 @@ class Swirl:
         self.value: Floats = self._spread * self._normals()
 
     def advance(self, dt_ns: int) -> None:
-        """Go a step on: a⁺ = φ a + σ √(1 − φ²) n, with φ = e^(−dt/T) and n standard normal."""
+        """Advance by a step: a⁺ = φ a + σ √(1 − φ²) n, with φ = e^(−dt/T) and n standard normal."""
         if self._turbulence.acceleration > 0.0:
             kept = math.exp(-dt_ns * 1e-9 / self._turbulence.correlation)
             self.value = kept * self.value + math.sqrt(1.0 - kept * kept) * self._spread * self._normals()
@@ -71,10 +71,10 @@ class Swirl:
 
 @dataclass(frozen=True)
 class Gust:
-    """An acceleration [m/s²] of all vehicles from a start on for a while.
+    """A temporary acceleration of all vehicles [m/s²].
 
-    start: when it begins.
-    duration: how long it lasts.
+    start: of the gust.
+    duration: of the gust.
     acceleration: north, west and up.
 
     Raises:
@@ -94,15 +94,15 @@ class Gust:
 
 
 class Gusts(Protocol):
-    """What says which gusts there are."""
+    """A sequence of gusts."""
 
     def all(self, seed: int) -> Iterator[Gust]:
-        """The gusts in the order of their starts, perhaps without end."""
+        """All gusts in the order of their starts, possibly infinitely many."""
 
 
 @dataclass(frozen=True)
 class Scripted:
-    """These gusts and no others."""
+    """Given gusts."""
 
     gusts: tuple[Gust, ...] = ()
 
@@ -113,7 +113,7 @@ class Scripted:
 
 @dataclass(frozen=True)
 class Random:
-    """Gusts at random: exponential times with mean `every_ns` between their starts, level, in a direction drawn anew.
+    """Random gusts: exponential times with mean `every_ns` between their starts, horizontal, in random directions.
 
     every: mean time between two starts.
     duration: of each.
@@ -135,7 +135,7 @@ class Random:
             raise BadInput(f"gusts.acceleration is {self.acceleration:g} m/s², it must be at least 0")
 
     def all(self, seed: int) -> Iterator[Gust]:
-        """Without end."""
+        """Infinitely many."""
         draws = stream(seed, "gusts")
         start_ns = 0
         for index in count():
@@ -146,7 +146,7 @@ class Random:
 
 
 class Weather:
-    """Gusts as they come: asked for spans of time whose starts never go back."""
+    """Mean accelerations by gusts over spans of time whose starts never go back."""
 
     def __init__(self, gusts: Gusts, seed: int) -> None:
         self._coming = gusts.all(seed)
@@ -170,5 +170,5 @@ class Weather:
         return total
 
     def forget(self, before_ns: int) -> None:
-        """Drop the gusts that ended before an instant, which nobody will ask for again."""
+        """Drop the gusts that ended before an instant, which are not needed again."""
         self._known = [gust for gust in self._known if gust.start_ns + gust.duration_ns > before_ns]

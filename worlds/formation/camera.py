@@ -1,4 +1,4 @@
-"""Cameras of vehicles that look at each other: who is in view, and what a camera says of those it sees.
+"""Cameras of vehicles that look at each other: which vehicles are in view, and what is measured of them.
 
 A camera looks along its vehicle's body x axis. Arrays of pairs have the seer first and the seen second.
 """
@@ -26,17 +26,17 @@ DRAWS = 8
 
 @dataclass(frozen=True)
 class Camera:
-    """What a camera sees and how well.
+    """Field of view and noise of a camera.
 
     Attributes:
         rate: frames per second [Hz].
-        horizontal, vertical: the whole angles of view [rad], in azimuth and elevation from the body's x axis.
-        range: how far it recognises a vehicle [m].
+        horizontal, vertical: full angles of view [rad], in azimuth and elevation about the body's x axis.
+        range: largest distance at which it recognises a vehicle [m].
         depth_noise: standard deviation along the line of sight [m] at 1 m; it grows with the square of the distance.
         lateral_noise: standard deviation on each axis across [m] at 1 m; it grows with the distance.
         orientation_noise: standard deviation of the relative orientation on each axis [rad].
         misses: probability that a vehicle in view is not recognised in a frame.
-        occlusion: whether vehicles hide what is behind them.
+        occlusion: whether vehicles hide those behind them.
 
     Raises:
         BadInput: one of them is out of its bounds.
@@ -86,13 +86,13 @@ class View(NamedTuple):
 
 
 def view(camera: Camera, radius: float, places: Floats, matrices: Floats) -> View:
-    """Who is in view of whom: within the angles and the range, and not behind another vehicle.
+    """Which vehicles see each other: within the angles and the range, and not hidden by another vehicle.
 
     A vehicle hides another one if it is nearer and the line of sight to the other's centre meets its sphere.
 
     Args:
         camera: the same on all vehicles.
-        radius: of the sphere that stands for a vehicle [m].
+        radius: of a vehicle's sphere [m].
         places: (3, N) [m], inertial.
         matrices: rotation matrices of the attitudes, (3, 3, N).
     """
@@ -112,7 +112,7 @@ def view(camera: Camera, radius: float, places: Floats, matrices: Floats) -> Vie
 def _hidden(
     radius: float, apart: Floats, distance: Floats, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Whether some third vehicle is in the line of sight, for each pair of `first` and `second`."""
+    """Whether a third vehicle is in the line of sight, for each pair of `first` and `second`."""
     range_m = distance[first, second]
     sight = apart[:, first, second] / range_m
     others = apart[:, first, :]
@@ -126,11 +126,11 @@ def _hidden(
 def frames(
     camera: Camera, sights: View, attitudes: Floats, index: int, draws: Callable[[int, int], Stream]
 ) -> list[Floats | None]:
-    """What all cameras say in one frame.
+    """Measurements of all cameras in one frame.
 
     Args:
         camera: the same on all vehicles.
-        sights: who is in view of whom now.
+        sights: lines of sight now.
         attitudes: (4, N).
         index: of the frame; noise is a function of it.
         draws: seer and seen → stream of the pair.

@@ -1,4 +1,4 @@
-"""Contacts of vehicles, with each other and with the ground: when each begins and ends. They change no motion."""
+"""Contacts of vehicles with each other and with the ground: start and end of each. They do not affect the motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class Contacts:
-    """What touches what, looked at from time to time."""
+    """The present contacts, updated at discrete instants."""
 
     def __init__(self, world: FormationDescription) -> None:
         self._agents = world.agents
@@ -26,7 +26,7 @@ class Contacts:
         self._events: list[dict[str, Any]] = []
 
     def look(self, places: Floats, time_ns: int) -> None:
-        """Note what began and what ended since the last look.
+        """Note contacts that began or ended since the last call.
 
         Vehicles collide while they are closer than two radii: events "collision" and "collision over", with both names
         and their distance. One is on the ground while its centre is below height 0: "ground" and "ground over".

@@ -1,4 +1,4 @@
-"""What a formation of micro aerial vehicles with cameras is made of, after Nägeli 2014.
+"""Parameters of a formation of micro aerial vehicles with cameras, after Nägeli 2014.
 
 Inertial axes: x north, y west, z up; body axes: x ahead, where the camera looks, z along the thrust.
 """
@@ -25,17 +25,17 @@ class FormationDescription:
 
     Attributes:
         agents: names of the vehicles in natural order.
-        places: where each is in the beginning, (x, y, z) [m].
-        headings: where each looks in the beginning [rad], anticlockwise from north.
+        places: initial positions, (x, y, z) [m].
+        headings: initial headings [rad], anticlockwise from north.
         seed: of the run.
-        vehicle, camera, imu, turbulence, gusts: what they are made of; None for a sensor that is not there.
-        ground: whether a vehicle that comes to the ground is reported.
-        steps: of the integration, per second [Hz].
+        vehicle, camera, imu, turbulence, gusts: their parts; None for a missing sensor.
+        ground: whether contacts with the ground are reported.
+        steps: rate of the integration [Hz].
         sense_delay_ns, act_delay_ns: from a sample to its arrival, from a command to its effect.
-        truth_rate: how often the truth is written down [Hz].
+        truth_rate: rate at which the truth is recorded [Hz].
 
     Raises:
-        BadInput: fewer than two vehicles, two of them closer than they can be, rates or delays out of their bounds.
+        BadInput: fewer than two vehicles, two of them closer than two radii, rates or delays out of their bounds.
     """
 
     agents: tuple[str, ...]

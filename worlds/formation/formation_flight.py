@@ -1,8 +1,8 @@
-"""A formation as it flies: a state machine without a clock, from command to command and from step to step.
+"""A running formation: a state machine without a clock, which advances from command to command and step to step.
 
-The state is kept at the last step of the grid or the last command, whichever came later, and goes on from there. What
-is asked for in between is found on the side and leaves no trace. The result is therefore the same to the last bit
-whenever, and however often, the formation is advanced, measured or asked for its truth.
+The state is kept at the last grid step or the last command, whichever is later. Values in between are computed from it
+and not kept. The result is therefore the same to the last bit, however often and whenever the formation is advanced,
+measured or asked for its truth.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NEVER_NS = 2**63 - 1
 
 
 class RunningFormation:
-    """The vehicles of a `FormationDescription`, in the beginning at rest."""
+    """The vehicles of a `FormationDescription`, initially at rest."""
 
     def __init__(self, world: FormationDescription) -> None:
         self._world = world
@@ -58,7 +58,7 @@ class RunningFormation:
         self._contacts = Contacts(world)
 
     def advance(self, time_ns: int) -> None:
-        """Go on to an instant.
+        """Advance to an instant.
 
         Raises:
             BadInput: it is before the present one.
@@ -77,10 +77,10 @@ class RunningFormation:
             self._contacts.look(self._state.places, next_ns)
 
     def act(self, agent: str, command: str, value: Floats) -> None:
-        """A command takes effect now, and holds until the next one of its kind or the command timeout.
+        """Apply a command now; it holds until the next one of its kind or the command timeout.
 
-        - "thrust" (3,): the force [N] that is wanted beside the compensation of the weight, in the body coordinates
-          that the vehicle has now. It is held in inertial coordinates, within what the vehicle can do.
+        - "thrust" (3,): the wanted force [N] in addition to the compensation of the weight, in body coordinates.
+          It is kept in inertial coordinates, within the limits of the vehicle.
         - "yaw-rate" (1,): about the body's z axis [rad/s].
 
         Raises:
@@ -121,7 +121,7 @@ class RunningFormation:
         return None if sample is None else sample.copy()
 
     def truth(self) -> Mapping[str, Floats]:
-        """What is true now.
+        """The true quantities now.
 
         "positions" (3 N,) [m] and "velocities" (3 N,) [m/s], vehicle by vehicle; "formation" (6 (N − 1),), the relative
         state [r₁, ṙ₁, r₂, ṙ₂, …] with r_i = p_i − p_(i+1); "centre" (3,) [m]; "attitude@NAME" (4,), a quaternion.
@@ -141,7 +141,7 @@ class RunningFormation:
         return self._contacts.told()
 
     def _settle(self, time_ns: int) -> None:
-        """Keep the state of an instant, from which it then goes on."""
+        """Keep the state of an instant."""
         if time_ns > self._kept_ns:
             self._state = self._stepped(time_ns)
             self._kept_ns = time_ns

@@ -1,4 +1,4 @@
-"""What a scenario says of a formation of vehicles."""
+"""Settings of a formation of vehicles."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ Floats = NDArray[np.float64]
 class FormationSettings:
     """A formation of micro aerial vehicles, one for each agent of the topology.
 
-    start: the shape in which they hover in the beginning, as in {triangle: 0.9 m}.
-    altitude: of the vehicles in the beginning.
-    facing: where each looks in the beginning: at the next vehicle, at the centre, in a direction, or some at others by
-        name, as in {1: 2}.
-    vehicle: what they are.
-    camera: that each has, or none.
-    imu: inertial measurement unit that each has, or none.
+    start: initial formation, as in {triangle: 0.9 m}.
+    altitude: initial altitude of the vehicles.
+    facing: initial headings: towards the next vehicle, the centre, in a direction, or by name towards another one, as
+        in {1: 2}.
+    vehicle: parameters of all vehicles.
+    camera: of each vehicle, or none.
+    imu: inertial measurement unit of each vehicle, or none.
     turbulence: an acceleration of each vehicle.
-    gusts: accelerations of all of them: a list, or how they come at random.
-    ground: whether a vehicle that comes to the ground is reported.
-    undisturbed: takes away noise, biases, misses, turbulence and gusts.
+    gusts: accelerations of all vehicles: a list, or parameters of random ones.
+    ground: whether contacts with the ground are reported.
+    undisturbed: without noise, biases, misses, turbulence and gusts.
     sense_delay: from a sample to its arrival.
     act_delay: from a command to its effect.
-    steps: of the integration, per second.
-    truth_rate: how often the truth is written down.
+    steps: rate of the integration.
+    truth_rate: rate at which the truth is recorded.
     """
 
     needs_places: ClassVar[bool] = False
@@ -86,7 +86,7 @@ class FormationSettings:
         return world.undisturbed() if self.undisturbed else world
 
     def _headings(self, agents: Sequence[str], places: Floats) -> tuple[float, ...]:
-        """The next vehicle (the last one the first), the centre, an angle for all, or for some by name another one."""
+        """Headings towards the next vehicle (of the last: the first), the centre or others by name, or at an angle."""
         following = np.roll(places, -1, axis=0)
         if isinstance(self.facing, float):
             return (self.facing,) * len(agents)

@@ -1,4 +1,4 @@
-"""A formation of micro aerial vehicles as a world that agents act upon."""
+"""A formation of micro aerial vehicles as a coupled world."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .formation_flight import RunningFormation
 
 @dataclass(frozen=True)
 class FormationWorld(FormationDescription):
-    """The vehicles, which agents steer."""
+    """Vehicles that the agents control."""
 
     def begin(self) -> RunningFormation:
         """The world at instant 0."""
         return RunningFormation(self)
 
     def undisturbed(self) -> FormationWorld:
-        """The same without noise, biases, misses, turbulence and gusts; what hides vehicles from view stays."""
+        """The same world without noise, biases, misses, turbulence and gusts; occlusions stay."""
         return replace(
             self,
             camera=None if self.camera is None else self.camera.exact(),

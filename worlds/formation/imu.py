@@ -1,4 +1,4 @@
-"""Inertial measurement units of vehicles: gyroscope, accelerometer and magnetometer, each a little off."""
+"""Inertial measurement units of vehicles: gyroscope, accelerometer and magnetometer with errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VALUES = 9
 
 @dataclass(frozen=True)
 class Imu:
-    """What an inertial measurement unit feels and how well.
+    """Rate and errors of an inertial measurement unit.
 
     Noise and biases are normal and independent on each axis: standard deviations of the gyroscope [rad/s], the
     accelerometer [m/s²] and the magnetometer, which gives the field as a share of its strength.
@@ -58,7 +58,7 @@ class Imu:
             raise BadInput(f"imu.inclination is {degrees:g} deg, it must be within 90 deg: else there is no north")
 
     def exact(self) -> Imu:
-        """The same without noise, biases and miscalibration."""
+        """The same unit without noise, biases and miscalibration."""
         return replace(
             self,
             gyro_noise=0.0,

@@ -1,4 +1,4 @@
-"""Micro aerial vehicles as point masses under a thrust that their attitude points, many at once.
+"""Micro aerial vehicles as point masses under a thrust along their body axis, many at once.
 
 Letters: p, v place [m] and velocity [m/s], inertial, x north, y west, z up; q attitude; ω body rates [rad/s]; m mass;
 J moments of inertia; f wanted thrust, inertial [N]; τ, τ_r response times of attitude and rates [s]; c drag [1/s].
@@ -37,18 +37,18 @@ _CACHED_STEPS = 256
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What a vehicle is.
+    """Parameters of a vehicle.
 
     Attributes:
         mass: [kg].
-        radius: of the sphere that stands for it where vehicles collide and hide each other [m].
+        radius: of its sphere, for collisions and occlusions [m].
         inertia: principal moments about body x, y and z [kg m²].
         attitude_response: time constant τ of the tilt [s].
         rate_response: time constant τ_r of the body rates [s], at most τ/4, so that the tilt does not overshoot.
         drag: deceleration per speed, c [1/s].
         thrust_to_weight: the largest thrust in weights.
         tilt: the largest wanted tilt [rad].
-        command_timeout_ns: a command that is older counts no more [ns].
+        command_timeout_ns: age at which a command expires [ns].
 
     Raises:
         BadInput: one of them is out of its bounds.
@@ -123,7 +123,7 @@ class State(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """What all vehicles are to do: wanted thrusts f [N] and their directions, (3, N), and yaw rates (N,) [rad/s]."""
+    """Commands to all vehicles: wanted thrusts f [N] and their directions, (3, N), and yaw rates (N,) [rad/s]."""
 
     thrusts: Floats
     directions: Floats
@@ -131,12 +131,12 @@ class Orders(NamedTuple):
 
 
 def at_rest(places: Floats, attitudes: Floats) -> State:
-    """Vehicles that do not move, at places (3, N) [m] in attitudes (4, N)."""
+    """Vehicles at rest at places (3, N) [m] with attitudes (4, N)."""
     return State(places, np.zeros_like(places), attitudes, np.zeros_like(places), matrices(attitudes))
 
 
 def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt_ns: int) -> State:
-    """All vehicles a step on.
+    """Advance all vehicles by a step.
 
     The tilt's error, the rotation vector e from the body's z axis to f, sets the wanted rates ω* = e/τ about x and y;
     about z they are the ordered yaw rate. A torque M = J (ω* − ω)/τ_r tracks them:
@@ -150,8 +150,8 @@ def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt
     over the step.
 
     Args:
-        vehicle: what all of them are.
-        state: where they are.
+        vehicle: parameters of all vehicles.
+        state: at the start of the step.
         orders: constant over the step.
         disturbance: further acceleration, constant over the step, (3, N) [m/s²].
         dt_ns: length of the step.
@@ -175,7 +175,7 @@ def step(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats, dt
 
 
 def accelerations(vehicle: Vehicle, state: State, orders: Orders, disturbance: Floats) -> Floats:
-    """What an ideal accelerometer would feel, in inertial coordinates: all but gravity, (3, N) [m/s²]."""
+    """Specific force in inertial coordinates: all accelerations but gravity, (3, N) [m/s²]."""
     return _pull(vehicle, state.matrices, orders) - vehicle.drag * state.velocities + disturbance
 
 
@@ -183,13 +183,13 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def _pull(vehicle: Vehicle, R: Floats, orders: Orders) -> Floats:
-    """Acceleration by thrust: the part of f along the body's z axis, never downwards."""
+    """Acceleration by thrust: the component of f along the body's z axis, at least 0."""
     axes = R[:, 2]
     return np.asarray((np.maximum(dots(axes, orders.thrusts), 0.0) / vehicle.mass) * axes)
 
 
 def _goal(R: Floats, orders: Orders) -> Floats:
-    """What the attitude goes for, in body coordinates: e about x and y [rad], the yaw rate about z [rad/s]."""
+    """Target of the attitude control in body coordinates: e about x and y [rad], the yaw rate about z [rad/s]."""
     x, y, z = turned_back(R, orders.directions)
     sine = np.hypot(x, y)
     factor = np.arctan2(sine, z) / np.maximum(sine, _TINY)
@@ -201,7 +201,7 @@ def _goal(R: Floats, orders: Orders) -> Floats:
 
 
 class _Coefficients(NamedTuple):
-    """A step as a linear map: `a_by_b` is what b adds to a; those of the attitude have a row an axis, (3, 1)."""
+    """A step as a linear map: `a_by_b` is the factor of b in a; those of the attitude have one row per axis, (3, 1)."""
 
     goal_by_gyration: Floats
     turn_by_goal: Floats

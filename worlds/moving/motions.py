@@ -1,4 +1,4 @@
-"""Agents that move, and a sensor of their own position: places are pure functions of seed and time."""
+"""Agents that move, and a sensor of the own position; positions are pure functions of seed and time."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ _SECOND_NS = 1e9
 
 
 class Motion(Protocol):
-    """How agents move."""
+    """Motion of agents."""
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Who moves, in natural order."""
+        """The moving agents, in natural order."""
 
     def place(self, agent: str, time_ns: int, seed: int) -> NDArray[np.float64]:
-        """Where one of them is at an instant, shape (2,) or (3,) [m]."""
+        """Position of one agent at an instant, shape (2,) or (3,) [m]."""
 
 
 @dataclass(frozen=True)
 class RandomWaypoint:
-    """Go straight to a random place at a random speed, wait, and so on (Johnson and Maltz 1996).
+    """Random waypoints: straight to a random place at a random speed, a pause, and again (Johnson and Maltz 1996).
 
     Places are uniform in the box from 0 to `area` [m], speeds uniform from `slowest` to `fastest` [m/s], and each agent
     waits for `pause_ns` at every place but the first. With slowest = 0 the mean speed would go to 0 with time, so that
@@ -63,12 +63,12 @@ class RandomWaypoint:
             raise BadInput(f"pause is {self.pause_ns} ns, it must be at least 0")
 
     def place(self, agent: str, time_ns: int, seed: int) -> NDArray[np.float64]:
-        """On the way between two waypoints, or at one."""
+        """Position between two waypoints, or at one."""
         return _way(self, seed, agent).place(time_ns)
 
 
 class _Way:
-    """The waypoints of one agent, drawn as far as they are asked for; draws depend on their index alone."""
+    """Waypoints of one agent, drawn on demand; a draw depends on its index alone."""
 
     def __init__(self, motion: RandomWaypoint, seed: int, agent: str) -> None:
         self._motion = motion
@@ -105,13 +105,13 @@ class _Way:
 
 @lru_cache(maxsize=_CACHED_AGENTS)
 def _way(motion: RandomWaypoint, seed: int, agent: str) -> _Way:
-    """The way of one agent, kept because it grows; what it says does not depend on that."""
+    """Waypoints of one agent, cached; without effect on their values."""
     return _Way(motion, seed, agent)
 
 
 @dataclass(frozen=True)
 class Paths:
-    """Given places at given instants, straight lines at even speed between them; each stays at its last.
+    """Given places at given instants, linear interpolation in between; agents stay at their last place.
 
     `points`: agent → ((instant [ns], place [m]), …), instants ascending from 0.
 
@@ -134,11 +134,11 @@ class Paths:
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Those that have a path."""
+        """Agents that have a path."""
         return tuple(self.points)
 
     def place(self, agent: str, time_ns: int, seed: int) -> NDArray[np.float64]:
-        """Between the two points that it is between."""
+        """Position on the line between two points."""
         points = self.points[agent]
         leg = bisect_right(points, time_ns, key=lambda point: point[0]) - 1
         (start_ns, here), (end_ns, there) = points[leg], points[min(leg + 1, len(points) - 1)]
@@ -149,7 +149,7 @@ class Paths:
 
 @dataclass(frozen=True)
 class Circle:
-    """A formation that turns: agents evenly spaced on a circle about `centre`, once around in |`period_ns`|.
+    """Agents evenly spaced on a circle about `centre` that turns once in |`period_ns`|.
 
     Anticlockwise, or clockwise with a period below 0; the first starts on the x axis.
 
@@ -172,7 +172,7 @@ class Circle:
             raise BadInput(f"centre is {list(self.centre)}: give x and y")
 
     def place(self, agent: str, time_ns: int, seed: int) -> NDArray[np.float64]:
-        """Its own angle, and that by which all have turned."""
+        """Position at its own angle plus that by which the circle has turned."""
         turn = self.agents.index(agent) / len(self.agents) + (time_ns % self.period_ns) / self.period_ns
         angle = 2 * math.pi * turn
         return np.array(self.centre) + self.radius * np.array([math.cos(angle), math.sin(angle)])
@@ -205,11 +205,11 @@ class MovingWorld:
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Who is in it, in natural order."""
+        """The agents, in natural order."""
         return self.motion.agents
 
     def position(self, agent: str, time_ns: int) -> NDArray[np.float64]:
-        """Where an agent is at an instant, shape (2,) or (3,) [m].
+        """Position of an agent at an instant, shape (2,) or (3,) [m].
 
         Raises:
             BadInput: no such agent.
@@ -217,7 +217,7 @@ class MovingWorld:
         return self.motion.place(self._known(agent), time_ns, self.seed)
 
     def positions(self, time_ns: int) -> dict[str, NDArray[np.float64]]:
-        """Agent → where it is at an instant, shape (2,) or (3,) [m]."""
+        """Agent → its position at an instant, shape (2,) or (3,) [m]."""
         return {agent: self.motion.place(agent, time_ns, self.seed) for agent in self.agents}
 
     def sensors(self, agent: str) -> Mapping[str, float]:
@@ -253,5 +253,5 @@ class MovingWorld:
 
 @lru_cache(maxsize=_CACHED_AGENTS)
 def _noise(seed: int, agent: str) -> Stream:
-    """The stream of one sensor, kept because it holds a block of draws."""
+    """Noise stream of one sensor; cached because it draws in blocks."""
     return stream(seed, "position noise", agent)

@@ -1,4 +1,4 @@
-"""What a scenario says of agents that move."""
+"""Settings of agents that move."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Place = tuple[BareMetres, ...]
 
 @dataclass(frozen=True)
 class RandomWaypointSettings:
-    """Go straight to a random place at a random speed, wait, and so on.
+    """Random waypoints: straight to a random place at a random speed, a pause, and again.
 
     area: the sides of the box in which places are drawn, two or three.
     speed: of all legs, or the slowest and the fastest.
-    pause: at every place but the first.
+    pause: at every place except the first.
     count: of the agents, where the topology does not say it.
     """
 
@@ -57,7 +57,7 @@ class CircleSettings:
 
 @dataclass(frozen=True)
 class PositionSensor:
-    """Every agent senses its own position.
+    """Sensor of each agent's own position.
 
     rate: samples per second.
     noise: standard deviation on each axis.
@@ -69,12 +69,12 @@ class PositionSensor:
 
 @dataclass(frozen=True)
 class MovingSettings:
-    """Agents that move in one of three ways, and perhaps sense where they are.
+    """Agents that move in one of three ways, optionally with a sensor of their position.
 
     random-waypoint: straight to random places, at random speeds.
     paths: agent → places at instants, as in {1: {0 s: [0 m, 0 m], 5 s: [10 m, 0 m]}}.
     circle: evenly spaced on a circle that turns.
-    position: gives all a sensor of their own position.
+    position: sensor of the own position, for all agents.
     """
 
     needs_places: ClassVar[bool] = False
@@ -92,7 +92,7 @@ class MovingSettings:
             raise BadInput(f"{' and '.join(given) or 'nobody moves'}: write one of {', '.join(ways)}")
 
     def build(self, positions: Mapping[str, Position], seed: int, agents: Sequence[str]) -> MovingWorld:
-        """The world; without `agents` it says itself who they are."""
+        """The world; without `agents` the motion names them."""
         name = "random-waypoint" if self.random_waypoint else "paths" if self.paths is not None else "circle"
         try:
             motion = self._motion(agents)

@@ -20,7 +20,7 @@ class Calibration:
     c: float
 
     def distance(self, voltage: float) -> float:
-        """The distance [m] that this voltage [V] stands for.
+        """Distance [m] at a voltage [V].
 
         Raises:
             BadInput: a voltage that is not above 0.
@@ -30,7 +30,7 @@ class Calibration:
         return self.a + (self.b + self.c / voltage) / voltage
 
     def voltage(self, distance: float) -> float:
-        """The voltage [V] that this distance [m] gives, on the branch where voltage falls as distance grows.
+        """Voltage [V] at a distance [m], on the branch where it falls as the distance grows.
 
         1/V is the root of c u² + b u + (a − m) = 0 at which the curve rises in u, so b + 2 c u > 0.
 

@@ -20,7 +20,7 @@ _LARGEST_VOLTAGE_NOISE = 0.1
 
 
 class DistanceSensor(Protocol):
-    """What turns a true distance into a reading."""
+    """Converts a true distance to a reading."""
 
     def reading(self, distance: float, seed: int, agent: str, index: int) -> float | None:
         """The index-th reading [m] of one agent's sensor at a true distance [m], None where it sees nothing."""
@@ -51,9 +51,8 @@ class Infrared:
     """An infrared distance sensor of the flying array: voltage by (31), noise in the voltage, own calibration.
 
     Each module's curve departs from `typical` by Gaussian factors: `spread` of b and of c, relative, and `offset` of a
-    [m]. It was calibrated at `references` distances spread evenly up to the end of its range, at each of which
-    `averaged` voltages were averaged (Kriegleder 2012, Fig. 7). A reading outside `nearest` to `farthest` [m] is no
-    reading.
+    [m]. It is calibrated at `references` distances, evenly spaced over its range, each with the mean of `averaged`
+    voltages (Kriegleder 2012, Fig. 7). Outside `nearest` to `farthest` [m] there is no reading.
 
     Raises:
         BadInput: noise below 0 V or above 0.1 V.
@@ -87,13 +86,13 @@ class Infrared:
 
 @lru_cache(maxsize=_CACHED_AGENTS)
 def _noise(seed: int, purpose: str, agent: str) -> Stream:
-    """The stream of one sensor, kept because it holds a block of draws; its draws do not depend on that."""
+    """Noise stream of one sensor; cached because it draws in blocks, without effect on the draws."""
     return stream(seed, purpose, agent)
 
 
 @lru_cache(maxsize=_CACHED_AGENTS)
 def curves(sensor: Infrared, seed: int, agent: str) -> tuple[Calibration, Calibration]:
-    """A module's true curve, and the one that its calibration found."""
+    """True curve and calibrated curve of a module."""
     variation = stream(seed, "infrared curve", agent)
     curve = Calibration(
         sensor.typical.a + sensor.offset * variation.normal(0),

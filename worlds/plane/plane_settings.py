@@ -1,4 +1,4 @@
-"""What a scenario says of a plane under a rigid body."""
+"""Settings of a plane under a rigid body."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class PlaneSettings:
     rate: of all sensors.
     distance_noise: standard deviation of a Gaussian distance sensor, 5 mm unless another sensor is given.
     sensor: another distance sensor.
-    gyroscope: gives every module rate gyros too.
+    gyroscope: rate gyros of every module.
     """
 
     needs_places: ClassVar[bool] = True

@@ -48,13 +48,13 @@ def distances(state: ArrayLike, positions: ArrayLike) -> NDArray[np.float64]:
 
 
 def turning(before: ArrayLike, now: ArrayLike, period_s: float) -> NDArray[np.float64]:
-    """What rate gyros say that integrate through a period: the mean rate of the body about its own axes.
+    """Output of rate gyros that integrate over a period: the mean rate of the body about its own axes.
 
     p = γ̇,  q = β̇ cos γ,  r = −β̇ sin γ            rate of turning of roll γ and pitch β without yaw
     with the differences of the angles over the period for their rates, and the mean of γ for γ.
 
     Args:
-        before: (γ, β) at the begin of the period [rad].
+        before: (γ, β) at the start of the period [rad].
         now: the same at its end [rad].
         period_s: its length [s].
     Returns:
@@ -106,7 +106,7 @@ class PlaneWorld:
     gyroscope: float | None = None
 
     def __post_init__(self) -> None:
-        """Check what would make no sense at some instant of the run."""
+        """Check rates, noise, positions, and the state over the whole run."""
         lowest, _ = self.altitude.bounds()
         if not lowest > 0.0:
             raise BadInput(f"altitude goes down to {lowest} m: keep it above 0")

@@ -29,7 +29,7 @@ _LEVEL, _HOVER = Constant(0.0), Constant(10.0)
 
 @dataclass(frozen=True)
 class Airframe:
-    """What flies: mass [kg], inertia [kg m²] and arm [m] of Bassolillo 2025, Table I; the rest is ours.
+    """The airframe: mass [kg], inertia [kg m²] and arm [m] of Bassolillo 2025, Table I; the rest is ours.
 
     Rotors stand at the ends of arms along ±x and ±y, push up with 0 to `strongest` [N] each, and turn the body about z
     by `turn` [m] times their thrust, front and back one way, left and right the other. Control closes attitude at
@@ -60,8 +60,8 @@ class Airframe:
         """Thrusts of front, right, back and left rotor [N] for a total [N] and torques [N m]; clipped."""
         roll, pitch, yaw = torque[0] / self.arm, torque[1] / self.arm, torque[2] / self.turn
         along, across = 0.5 * (thrust + yaw), 0.5 * (thrust - yaw)
-        asked = (0.5 * (along + pitch), 0.5 * (across - roll), 0.5 * (along - pitch), 0.5 * (across + roll))
-        front, right, back, left = (min(max(rotor, 0.0), self.strongest) for rotor in asked)
+        wanted = (0.5 * (along + pitch), 0.5 * (across - roll), 0.5 * (along - pitch), 0.5 * (across + roll))
+        front, right, back, left = (min(max(rotor, 0.0), self.strongest) for rotor in wanted)
         return front, right, back, left
 
     def wrench(self, rotors: tuple[float, float, float, float]) -> tuple[float, tuple[float, float, float]]:
@@ -73,7 +73,7 @@ class Airframe:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What the controller is asked for: roll, pitch and yaw [rad], altitude [m]; hovering 10 m high unless given.
+    """Setpoints of the controller: roll, pitch and yaw [rad], altitude [m]; by default hovering at 10 m.
 
     Raises:
         BadInput: an altitude that goes down to 0, or a tilt beyond 1 rad.
@@ -85,7 +85,7 @@ class Manoeuvre:
     altitude: Signal = _HOVER
 
     def __post_init__(self) -> None:
-        """Check what could not be flown."""
+        """Check altitude and tilt."""
         lowest, _ = self.altitude.bounds()
         if not lowest > 0.0:
             raise BadInput(f"altitude goes down to {lowest:g} m: keep it above 0")
@@ -97,7 +97,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class FlightState:
-    """Where a quadrotor is, and what it feels.
+    """State and acceleration of a quadrotor.
 
     attitude: unit quaternion, (4,). velocity: inertial, (3,) [m/s]. height: −z [m]. rates: body, (3,) [rad/s].
     rotation: R(q), (3, 3). acceleration: V̇, inertial, (3,) [m/s²].
@@ -117,8 +117,8 @@ class Flight:
     q̇ = ½ q ⊙ (0, ω), V̇ = g − R e₃ T / m, ż = V₃            Bassolillo 2025, (7)–(10)
     J ω̇ = τ − ω × J ω
 
-    It is integrated by the classical Runge-Kutta rule on a grid of 5 ms, as far as it is asked for; between two points
-    of the grid one shorter step is taken. So the motion at an instant does not depend on what was asked before.
+    Integrated on demand with the classical Runge-Kutta method on a grid of 5 ms, and one shorter step between two grid
+    points, so that the motion at an instant does not depend on earlier calls.
     """
 
     def __init__(self, airframe: Airframe, manoeuvre: Manoeuvre) -> None:
@@ -193,5 +193,5 @@ class Flight:
 
 @lru_cache(maxsize=16)
 def flight(airframe: Airframe, manoeuvre: Manoeuvre) -> Flight:
-    """The flight, kept because it grows; what it says does not depend on that."""
+    """The flight, cached; without effect on its values."""
     return Flight(airframe, manoeuvre)

@@ -1,4 +1,4 @@
-"""The sensors of a quadrotor, and the world that a manoeuvre and its sensors make.
+"""The sensors of a quadrotor, and the world of a manoeuvre and its sensors.
 
 Letters as in `quadrotor`; p position of a sensor on the body [m], R₃ the third row of R, h altitude [m].
 """
@@ -31,7 +31,7 @@ RANGES = MappingProxyType(
         "range_left": (0.0, -1.0),
     }
 )
-"""Range sensor → where it is, in lengths of an arm forward and to the right."""
+"""Range sensor → its position, in arm lengths forward and to the right."""
 
 DEVIATIONS = MappingProxyType(
     {
@@ -55,10 +55,10 @@ _CACHED_SENSORS = 4096
 class QuadrotorWorld:
     """A quadrotor in a manoeuvre, its sensors spread over agents.
 
-    carriers: agent → the sensors that it has. rates: sensor → samples per second [Hz].
+    carriers: agent → its sensors. rates: sensor → samples per second [Hz].
     noise: factor on all deviations of Table I.
-    flow_at: where the optical-flow camera is on the body [m].
-    as_printed: sensors that follow the paper's equation to the letter: `accelerometer` (13), `range` (17).
+    flow_at: position of the optical-flow camera on the body [m].
+    as_printed: sensors that follow the paper's equation exactly as printed: `accelerometer` (13), `range` (17).
 
     Raises:
         BadInput: no sensor at all, an unknown one, one that two agents have, a rate not above 0, noise below 0.
@@ -115,7 +115,7 @@ class QuadrotorWorld:
         return true + deviation * np.array([draws.normal(len(true) * index + axis) for axis in range(len(true))])
 
     def reading(self, sensor: str, motion: FlightState) -> Floats | None:
-        """What a sensor without noise says in a motion.
+        """Reading of a sensor without noise.
 
         Gyroscope ω (12), accelerometer Rᵀ(V̇ − g) for (13), magnetometer Rᵀ M (14), flow the first two of Rᵀ V + ω × p
         for (15), range −(z + R₃·p)/R₃₃ for (17). As printed: accelerometer Rᵀ(V̇ + g), range h / R₃₃ for all.
@@ -152,5 +152,5 @@ class QuadrotorWorld:
 
 @lru_cache(maxsize=_CACHED_SENSORS)
 def _noise(seed: int, agent: str, sensor: str) -> Stream:
-    """The stream of one sensor, kept because it holds a block of draws; its draws do not depend on that."""
+    """Noise stream of one sensor; cached because it draws in blocks, without effect on the draws."""
     return stream(seed, "quadrotor noise", agent, sensor)

@@ -1,4 +1,4 @@
-"""What a scenario says of a quadrotor and its sensors."""
+"""Settings of a quadrotor and its sensors."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ _LEVEL = Constant(0.0)
 class QuadrotorSettings:
     """A quadrotor in a manoeuvre, with its sensors on agents.
 
-    sensors: agent → what it carries, as in {imu: [gyroscope, accelerometer, magnetometer], flow: flow}.
-    roll: that its controller follows.
-    pitch: that its controller follows.
-    yaw: that its controller follows.
-    altitude: that its controller follows.
+    sensors: agent → its sensors, as in {imu: [gyroscope, accelerometer, magnetometer], flow: flow}.
+    roll: setpoint of the controller.
+    pitch: setpoint of the controller.
+    yaw: setpoint of the controller.
+    altitude: setpoint of the controller.
     rate: of all sensors.
-    rates: of some sensors.
+    rates: of single sensors.
     noise: factor on the noise of Bassolillo 2025, Table I.
     arm: from the centre to a rotor.
-    flow_at: where the optical-flow camera is on the body.
-    as_printed: sensors that follow the paper's equation to the letter.
+    flow_at: position of the optical-flow camera on the body.
+    as_printed: sensors that follow the paper's equation exactly as printed.
     """
 
     needs_places: ClassVar[bool] = False
@@ -61,13 +61,13 @@ class QuadrotorSettings:
     as_printed: Annotated[tuple[Literal["accelerometer", "range"], ...], OneOrMany()] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is said of a sensor that nobody carries."""
+        """Reject rates and positions of sensors that no agent has."""
         if not self.sensors:
             text = "write at least one agent and what it carries, as in {flow: [flow]}"
             raise BadInput(text, ("sensors",))
         carried = {sensor for sensors in self.sensors.values() for sensor in sensors}
-        said: list[tuple[str, tuple[str, ...]]] = [(sensor, ("rates", sensor)) for sensor in self.rates]
-        for sensor, place in (*said, *((("flow", ("flow_at",)),) if self.flow_at is not None else ())):
+        named: list[tuple[str, tuple[str, ...]]] = [(sensor, ("rates", sensor)) for sensor in self.rates]
+        for sensor, place in (*named, *((("flow", ("flow_at",)),) if self.flow_at is not None else ())):
             if sensor not in carried:
                 text = f"is of a sensor that no agent carries: leave it out, or add {sensor} to sensors"
                 raise BadInput(text, place)

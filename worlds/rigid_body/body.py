@@ -1,4 +1,4 @@
-"""A rigid body that turns under a torque: its attitude and its rates, integrated once.
+"""A rigid body that rotates under a torque: its attitude and rates, integrated once.
 
 Letters: Q attitude (body → inertial), ω body rates [rad/s], J principal moments of inertia [kg m²], Γ torque [N m].
 """
@@ -26,13 +26,13 @@ _State = tuple[float, ...]
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A body, how it stands and turns at the beginning, and the torque on it.
+    """A body, its initial attitude and rates, and the torque on it.
 
     inertia: principal moments J about the body's axes [kg m²]. attitude: unit quaternion Q. rates: ω [rad/s].
     torque: Γ about each axis, as signals of time [N m].
 
     Raises:
-        BadInput: moments that no body has, or an attitude that is not of norm 1.
+        BadInput: impossible moments of inertia, or an attitude that is not of norm 1.
     """
 
     inertia: Triple
@@ -55,9 +55,9 @@ class Turning:
     J ω̇ = Γ − ω × J ω            Betanzos 2024, (25)
     Q̇ = ½ Q ⊙ (0, ω)            Betanzos 2024, (26)
 
-    It is integrated by the classical Runge-Kutta rule on a grid of 20 ms, as far as it is asked for; between two points
-    of the grid one shorter step is taken. So the motion at an instant does not depend on what was asked before. At
-    constant rates a step is off by (|ω| · 20 ms)⁵ / 3840 rad: 10⁻¹² rad at 1 rad/s.
+    Integrated on demand with the classical Runge-Kutta method on a grid of 20 ms, and one shorter step between two grid
+    points, so that the motion at an instant does not depend on earlier calls. At constant rates the error of a
+    step is (|ω| · 20 ms)⁵ / 3840 rad: 10⁻¹² rad at 1 rad/s.
     """
 
     def __init__(self, body: RigidBody) -> None:
@@ -108,5 +108,5 @@ def _along(state: _State, slope: _State, step: float) -> _State:
 
 @lru_cache(maxsize=16)
 def turning(body: RigidBody) -> Turning:
-    """The motion of a body, kept because it grows; what it says does not depend on that."""
+    """The motion of a body, cached; without effect on its values."""
     return Turning(body)

@@ -1,4 +1,4 @@
-"""Measurement units on a rigid body: accelerometers and magnetometers that see two directions, each in its own frame.
+"""Measurement units on a rigid body: accelerometers and magnetometers that measure directions, each in its own frame.
 
 Letters: Q attitude of the body, M mounting of a unit (unit → body), r a direction in the inertial frame, b the same one
 in the frame of a unit. The inertial frame has z along gravity and x along the horizontal part of the magnetic field.
@@ -36,9 +36,9 @@ _CACHED_SENSORS = 4096
 
 @dataclass(frozen=True)
 class MeasurementUnit:
-    """One unit: how it is mounted, its noise, and which sensors it has.
+    """One unit: its mounting, noise and sensors.
 
-    mounting: roll, pitch and yaw of its frame in that of the body [rad].
+    mounting: roll, pitch and yaw of its frame in the body frame [rad].
     noise: standard deviation of each component of a direction [rad].
     sensors: of `accelerometer` and `magnetometer`.
 
@@ -63,7 +63,7 @@ class MeasurementUnit:
 
 @dataclass(frozen=True)
 class RigidBodyWorld:
-    """A turning body with measurement units on it; agents without a unit sense nothing.
+    """A rotating body with measurement units; agents without a unit have no sensor.
 
     units: agent → its unit. rate: samples per second of all sensors, at common instants [Hz].
 
@@ -77,7 +77,7 @@ class RigidBodyWorld:
     rate: float = 10.0
 
     def __post_init__(self) -> None:
-        """Check the rate, and that there is something to learn from."""
+        """Check the rate, and that there is a sensor."""
         check_above_zero("rate", self.rate, "Hz")
         if not any(unit.sensors for unit in self.units.values()):
             raise BadInput("no unit has a sensor, so nothing tells the attitude: give one an accelerometer")

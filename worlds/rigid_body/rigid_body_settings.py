@@ -1,4 +1,4 @@
-"""What a scenario says of a rigid body with measurement units."""
+"""Settings of a rigid body with measurement units."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _NONE = Constant(0.0)
 
 @dataclass(frozen=True)
 class RigidBodySettings:
-    """A body that turns, with measurement units on it.
+    """A rotating body with measurement units.
 
     units: agent → its unit, as in {1: {mounting: [135 deg, 0, 0], noise: 0.02 rad, sensors: [accelerometer]}}.
     inertia: principal moments.
-    attitude: roll, pitch and yaw at the beginning.
-    rates: about the body's axes at the beginning.
+    attitude: initial roll, pitch and yaw.
+    rates: initial rates about the body's axes.
     torque: about the body's axes.
     rate: of all sensors.
     """

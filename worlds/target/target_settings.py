@@ -1,4 +1,4 @@
-"""What a scenario says of a target in the plane."""
+"""Settings of a target in the plane."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class TargetSettings:
     """A target in the plane.
 
     rate: of all sensors.
-    manoeuvre: by how much the velocity wanders, as a standard deviation after one second.
+    manoeuvre: random walk of the velocity: its standard deviation after one second.
     noise: standard deviation of a measurement.
-    position: standard deviation of where the target begins.
-    velocity: standard deviation of how fast it begins.
-    sees: what the first, second, third agent sees, and so on round and round, as in [x, y, nothing]; or by name, as in
-        {1: x, 4: y}, where all others see nothing.
+    position: standard deviation of the initial position.
+    velocity: standard deviation of the initial velocity.
+    sees: coordinates measured by the first, second, third agent and so on, cyclically, as in [x, y, nothing]; or by
+        name, as in {1: x, 4: y}, where all others measure nothing.
     """
 
     needs_places: ClassVar[bool] = False
@@ -38,7 +38,7 @@ class TargetSettings:
     sees: tuple[Seen, ...] | Mapping[str, Seen] = ("x", "y", "nothing")
 
     def __post_init__(self) -> None:
-        """Check that somebody may see something."""
+        """Check that some agent measures something."""
         if not self.sees:
             raise BadInput("write a list, as in [x, y, nothing], or a mapping, as in {1: x, 4: y}", ("sees",))
 

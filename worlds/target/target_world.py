@@ -1,4 +1,4 @@
-"""A target that moves in the plane at a velocity that wanders, and sensors that see one coordinate of it each.
+"""A target in the plane whose velocity is a random walk, and sensors that each measure one coordinate of it.
 
 Letters: x = (p_x, p_y, v_x, v_y) position [m] and velocity [m/s]; Δ time between samples [s]; q density of the white
 acceleration [m²/s³], the square of `manoeuvre`.
@@ -39,7 +39,7 @@ def process_noise(period_s: float, manoeuvre: float) -> NDArray[np.float64]:
 
     Args:
         period_s: Δ.
-        manoeuvre: √q, by how much the velocity wanders [m/s/√s].
+        manoeuvre: √q, random walk of the velocity [m/s/√s].
     """
     one = [[period_s**3 / 3, period_s**2 / 2], [period_s**2 / 2, period_s]]
     matrix = np.asarray(manoeuvre**2 * np.kron(one, np.eye(2)), dtype=np.float64)
@@ -60,14 +60,14 @@ class TargetModel:
 
 @dataclass(frozen=True)
 class TargetWorld:
-    """A target and those who look at it; all is a pure function of seed and time.
+    """A target and its sensors; all is a pure function of seed and time.
 
     `sees`: agent → "x" or "y"; others see nothing. At the beginning position and velocity are normal about zero with
     standard deviations `position` [m] and `velocity` [m/s] in each coordinate. Between samples the target keeps the
     velocity that it had at the last one.
 
     Raises:
-        BadInput: a rate or noise not above 0, another size below 0, or nobody who sees something.
+        BadInput: a rate or noise not above 0, another size below 0, or no sensor.
     """
 
     sees: Mapping[str, str]
@@ -79,7 +79,7 @@ class TargetWorld:
     velocity: float
 
     def __post_init__(self) -> None:
-        """Check what would make no sense."""
+        """Check the bounds, and that there is a sensor."""
         check_above_zero("rate", self.rate, "Hz")
         if not self.noise > 0.0:
             raise BadInput(f"noise is {self.noise:g} m, it must be above 0: filters weigh measurements by it")
@@ -100,7 +100,7 @@ class TargetWorld:
         return TargetModel(self.rate, self.manoeuvre, self.noise, self.position, self.velocity)
 
     def sensors(self, agent: str) -> Mapping[str, float]:
-        """The coordinate that an agent sees, if it sees any, and its rate [Hz]."""
+        """Coordinate that an agent measures, if any, and its rate [Hz]."""
         return {self.sees[agent]: self.rate} if agent in self.sees else {}
 
     def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
@@ -131,7 +131,7 @@ class TargetWorld:
 
 
 class _Path:
-    """The states at the samples, each made from the one before when it is first asked for."""
+    """States at the samples, each computed from the one before on demand."""
 
     def __init__(self, seed: int, period_s: float, manoeuvre: float, spread: tuple[float, float]) -> None:
         self._draws = stream(seed, "target")
@@ -152,7 +152,7 @@ class _Path:
 
 @lru_cache(maxsize=8)
 def _path(seed: int, period_s: float, manoeuvre: float, position: float, velocity: float) -> _Path:
-    """The path of a world, kept because each state follows from the one before; it does not depend on who asks."""
+    """Path of a world; cached because each state follows from the one before."""
     return _Path(seed, period_s, manoeuvre, (position, velocity))
 
 
