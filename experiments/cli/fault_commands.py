@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 from ...errors import BadInput
 from ..scenario.trace_files import anchor
 from ..scenario.yaml_document import assign
-from ..swarm.control_client import call
+from ..swarm.running_swarm import RunningSwarm
 from .common_options import RUNS, RunsFolder, SwarmName
 from .live_commands import running_swarm
 from .output import print_plain
@@ -47,18 +47,23 @@ fault = App(name="fault")
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Where:
-    """The swarm that is meant."""
+    """Which running swarm."""
 
     run: SwarmName = None
     runs: RunsFolder = RUNS
 
-    def ask(self, request: Mapping[str, Any]) -> None:
-        """Put a request to the supervisor and print what it says."""
-        print_plain(str(call(running_swarm(self.run, self.runs), request)))
+    @property
+    def swarm(self) -> RunningSwarm:
+        """The running swarm.
+
+        Raises:
+            BadInput: it is not running, or none is.
+        """
+        return running_swarm(self.run, self.runs)
 
     def inject(self, entry: Mapping[str, Any], lasting: Lasting) -> None:
-        """Inject a fault, written as in a scenario's timeline but without `at`."""
-        self.ask({"do": "inject", "fault": {**entry, **lasting.fields()}})
+        """Inject a fault, given as in a scenario's timeline but without `at`."""
+        print_plain(self.swarm.inject({**entry, **lasting.fields()}))
 
 
 @Parameter(name="*")
@@ -96,7 +101,7 @@ def cut(links: Links, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> Non
 @fault.command
 def restore(links: Links, /, *, where: Where = NEWEST) -> None:
     """End the cuts and partitions that touch these links."""
-    where.ask({"do": "restore", "links": links})
+    print_plain(where.swarm.restore(links))
 
 
 @fault.command
@@ -108,7 +113,7 @@ def hold(links: Links, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> No
 @fault.command
 def release(links: Links, /, *, where: Where = NEWEST) -> None:
     """Let the frames come that are held back on these links."""
-    where.ask({"do": "release", "links": links})
+    print_plain(where.swarm.release(links))
 
 
 @fault.command
@@ -134,7 +139,7 @@ def kill(agents: Agents, /, *, keep_state: KeepState = False, lasting: Lasting =
 @fault.command
 def restart(agents: Agents, /, *, where: Where = NEWEST) -> None:
     """Bring back agents that were killed."""
-    where.ask({"do": "restart", "agents": agents})
+    print_plain(where.swarm.restart(agents))
 
 
 @fault.command
@@ -146,7 +151,7 @@ def pause(agents: Agents, /, *, lasting: Lasting = ON, where: Where = NEWEST) ->
 @fault.command
 def resume(agents: Agents, /, *, where: Where = NEWEST) -> None:
     """Let agents go on that are paused."""
-    where.ask({"do": "resume", "agents": agents})
+    print_plain(where.swarm.resume(agents))
 
 
 @fault.command
@@ -174,4 +179,4 @@ def sensor(sensors: Sensors, /, *trouble: Trouble, lasting: Lasting = ON, where:
 @fault.command
 def clear(*faults: Names, where: Where = NEWEST) -> None:
     """Undo faults."""
-    where.ask({"do": "clear", "faults": list(faults)})
+    print_plain(where.swarm.clear(*faults))

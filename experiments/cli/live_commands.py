@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from ...errors import BadInput, VoleryError
-from ..swarm.control_client import call, running
+from ..swarm.running_swarm import RunningSwarm, running
 from .common_options import RUNS, RunsFolder, SwarmName
 from .folders import all_runs, find_run, is_running
 from .output import output, print_plain
@@ -22,23 +22,23 @@ _ASK_EVERY_S = 0.5
 _COLUMNS = ("run", "time", "alive", "frames", "lost", "discarded", "late", "disagreement", "in force")
 
 
-def running_swarms(runs: Path) -> list[Path]:
-    """Folders of the swarms that run, in the order in which they began."""
+def running_swarms(runs: Path) -> list[RunningSwarm]:
+    """All running swarms, in the order in which they were started."""
     reachable = running(runs)
-    return [folder for folder in all_runs(runs) if folder in reachable and is_running(folder)]
+    return [RunningSwarm(folder) for folder in all_runs(runs) if folder in reachable and is_running(folder)]
 
 
-def running_swarm(run: str | None, runs: Path) -> Path:
-    """The folder of a swarm that runs, by default the newest.
+def running_swarm(run: str | None, runs: Path) -> RunningSwarm:
+    """A running swarm, by default the newest.
 
     Raises:
-        BadInput: it does not run, or none does.
+        BadInput: it is not running, or none is.
     """
     if run is not None:
         folder = find_run(run, runs)
         if not is_running(folder):
             raise BadInput(f"{folder} is not running: `volery status` lists what is")
-        return folder
+        return RunningSwarm(folder)
     present = running_swarms(runs)
     if not present:
         raise BadInput(f"no swarm is running in {runs}: `volery run SCENARIO --detach` starts one")
@@ -46,37 +46,38 @@ def running_swarm(run: str | None, runs: Path) -> Path:
 
 
 def status(run: AnySwarmName = None, *, runs: RunsFolder = RUNS) -> None:
-    """Say how the swarms are that run now."""
-    folders = running_swarms(runs) if run is None else [running_swarm(run, runs)]
-    if not folders:
+    """Show the state of the running swarms."""
+    swarms = running_swarms(runs) if run is None else [running_swarm(run, runs)]
+    if not swarms:
         print_plain(f"no swarm is running in {runs}")
         return
     table = Table()
     for number, column in enumerate(_COLUMNS):
         table.add_column(column, justify="left" if number in (0, len(_COLUMNS) - 1) else "right", overflow="fold")
-    for folder in folders:
-        table.add_row(folder.name, *_cells(call(folder, {"do": "status"})))
+    for swarm in swarms:
+        table.add_row(swarm.folder.name, *_cells(swarm.status()))
     output().print(table)
 
 
-def _cells(said: Mapping[str, Any]) -> tuple[str, ...]:
-    disagreement = said["disagreement"]
+def _cells(state: Mapping[str, Any]) -> tuple[str, ...]:
+    disagreement = state["disagreement"]
     return (
-        f"{said['time_s']:.1f} of {said['duration_s']:g} s",
-        f"{len(said['alive'])} of {said['agents']}",
-        *(f"{count:,}" for count in (said["frames"], said["lost"], sum(said["discarded"].values()), said["late"])),
+        f"{state['time_s']:.1f} of {state['duration_s']:g} s",
+        f"{len(state['alive'])} of {state['agents']}",
+        *(f"{count:,}" for count in (state["frames"], state["lost"], sum(state["discarded"].values()), state["late"])),
         "–" if disagreement is None else f"{disagreement:.3g}",
-        "\n".join(f"{name}: {label}" for name, label in said["faults"].items()),
+        "\n".join(f"{name}: {label}" for name, label in state["faults"].items()),
     )
 
 
 def watch(run: SwarmName = None, *, runs: RunsFolder = RUNS) -> None:
     """Watch a running swarm until it ends; Ctrl-C leaves it running."""
-    folder = running_swarm(run, runs)
+    swarm = running_swarm(run, runs)
+    folder = swarm.folder
     with Progress(output(), folder.name) as progress:
         while folder in running(folder.parent) and is_running(folder):
             try:
-                progress.show(call(folder, {"do": "status"}))
+                progress.show(swarm.status())
             except VoleryError:
                 if folder in running(folder.parent):
                     raise
@@ -86,5 +87,5 @@ def watch(run: SwarmName = None, *, runs: RunsFolder = RUNS) -> None:
 
 def stop(run: SwarmName = None, *, runs: RunsFolder = RUNS) -> None:
     """End a running swarm early; what was recorded is kept and measured."""
-    folder = running_swarm(run, runs)
-    print_plain(f"{folder}: {call(folder, {'do': 'stop'})}")
+    swarm = running_swarm(run, runs)
+    print_plain(f"{swarm.folder}: {swarm.stop()}")

@@ -1,8 +1,8 @@
-"""From entries of a timeline to the faults that they ask for: one for each agent, one for each failure of a process."""
+"""Faults from entries of a timeline: one for each agent or sensor, one for each failure of a random process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -22,17 +22,17 @@ _WHOLE_SHARE = 1.0
 
 
 def expand(entry: FaultEntry, fault_id: str, places: Places, end_ns: int) -> tuple[Fault, ...]:
-    """The faults that an entry asks for, by time: one is named `fault_id`, several `fault_id`.1, `fault_id`.2 and on.
+    """The faults of an entry by time: a single one is called `fault_id`, several `fault_id`.1, `fault_id`.2 and so on.
 
     Args:
-        entry: what is written.
-        fault_id: t3 is the third entry of a timeline, f2 the second live fault.
+        entry: an entry of the timeline, or a live fault.
+        fault_id: t3 for the third entry of a timeline, f2 for the second live fault.
         places: what the entry may name.
-        end_ns: when random processes end that do not say so themselves.
+        end_ns: end of random processes without an `until`.
     Raises:
-        BadInput: a link, agent or sensor that does not exist, or a partition that is none.
+        BadInput: an unknown link, agent or sensor, or a partition that cuts nothing.
     """
-    drafts = list(_DRAFTS[entry.action](entry, replace(places, fault_id=fault_id)))
+    drafts = list(_drafts(entry, replace(places, fault_id=fault_id)))
     if entry.every is None:
         timed = [replace(draft, at_ns=entry.start_ns, until_ns=entry.until_ns) for draft in drafts]
     else:
@@ -44,21 +44,21 @@ def expand(entry: FaultEntry, fault_id: str, places: Places, end_ns: int) -> tup
 
 
 def entry_of(fault_id: str) -> str:
-    """The id of the entry that a fault came from: t3 of t3 and of t3.2."""
+    """The id of a fault's entry: t3 for t3 and for t3.2."""
     return fault_id.partition(".")[0]
 
 
 def entry_index(fault: Fault) -> int:
-    """The place, from 0, of the entry in its timeline that a fault came from."""
+    """The index of a fault's entry in the timeline, from 0."""
     return int(entry_of(fault.id)[1:]) - 1
 
 
 def _by_chance(entry: FaultEntry, drafts: list[Fault], fault_id: str, seed: int, end_ns: int) -> list[Fault]:
-    """The failures of each place by itself, or of all together."""
+    """The random failures of each place separately, or of all together."""
     assert entry.every is not None
     until_ns = end_ns if entry.until is None else min(entry.until, end_ns)
-    alone = not entry.every.together and entry.partition is None
-    units = {_place(part): [part] for draft in drafts for part in _parts(draft)} if alone else {(): drafts}
+    separate = not entry.every.together and entry.partition is None
+    units = {_place(part): [part] for draft in drafts for part in _parts(draft)} if separate else {(): drafts}
     entry.every.check(sum(map(len, units.values())), entry.start_ns, until_ns)
     return [
         replace(draft, at_ns=at_ns, until_ns=repaired_ns)
@@ -69,7 +69,7 @@ def _by_chance(entry: FaultEntry, drafts: list[Fault], fault_id: str, seed: int,
 
 
 def _parts(draft: Fault) -> Iterator[Fault]:
-    """A fault of many links as one of each edge."""
+    """A fault of several links, split into one fault an edge."""
     if not isinstance(draft, LinkFault):
         yield draft
         return
@@ -88,46 +88,38 @@ def _place(draft: Fault) -> tuple[str, ...]:
 _DRAFT = ("", 0, None)
 
 
-def _cut(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    yield LinkFault(*_DRAFT, parse_links(entry.cut or (), places), {"cut": True})
+def _drafts(entry: FaultEntry, places: Places) -> Iterator[Fault]:
+    """The faults of an entry without their times: one for all links, or one for each agent or sensor."""
+    words = entry.given(entry.place)
+    match entry.action:
+        case "cut" | "hold" as state:
+            yield LinkFault(*_DRAFT, parse_links(words, places), {state: True})
+        case "partition":
+            yield LinkFault(*_DRAFT, crossing(words, places), {"cut": True})
+        case "set":
+            changes = dict(entry.set_ or {})
+            yield LinkFault(*_DRAFT, changed_links(words, changes, places), changes)
+        case "sensor":
+            yield from _of_sensors(entry, places)
+        case _:
+            for agent in parse_agents(words, places):
+                yield _of_agent(entry, agent)
 
 
-def _hold(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    yield LinkFault(*_DRAFT, parse_links(entry.hold or (), places), {"hold": True})
+def _of_agent(entry: FaultEntry, agent: str) -> Fault:
+    match entry.action:
+        case "kill":
+            return Kill(*_DRAFT, agent, bool(entry.keep_state))
+        case "pause":
+            return Pause(*_DRAFT, agent)
+        case "hog":
+            return Hog(*_DRAFT, agent, _WHOLE_SHARE if entry.share is None else entry.share)
+        case _:
+            return ClockFault(*_DRAFT, agent, entry.offset or 0, entry.drift or 0)
 
 
-def _partition(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    assert entry.partition is not None
-    yield LinkFault(*_DRAFT, crossing(entry.partition, places), {"cut": True})
-
-
-def _set(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    changes: dict[str, Any] = dict(entry.set_ or {})
-    yield LinkFault(*_DRAFT, changed_links(entry.where or (), changes, places), changes)
-
-
-def _kill(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    for agent in parse_agents(entry.kill or (), places):
-        yield Kill(*_DRAFT, agent, bool(entry.keep_state))
-
-
-def _pause(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    for agent in parse_agents(entry.pause or (), places):
-        yield Pause(*_DRAFT, agent)
-
-
-def _hog(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    for agent in parse_agents(entry.hog or (), places):
-        yield Hog(*_DRAFT, agent, _WHOLE_SHARE if entry.share is None else entry.share)
-
-
-def _clock(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    for agent in parse_agents(entry.clock or (), places):
-        yield ClockFault(*_DRAFT, agent, entry.offset or 0, entry.drift or 0)
-
-
-def _sensor(entry: FaultEntry, places: Places) -> Iterator[Fault]:
-    (trouble,) = (name for name in get_args(SensorTrouble) if entry.written(name) is not None)
+def _of_sensors(entry: FaultEntry, places: Places) -> Iterator[Fault]:
+    (trouble,) = (name for name in get_args(SensorTrouble) if entry.given(name) is not None)
     size = entry.bias or entry.noise or (entry.spikes.size if entry.spikes else ())
     probability = entry.spikes.probability if entry.spikes else 1.0
     for agent, sensor in parse_sensors(entry.sensor or (), places):
@@ -139,9 +131,9 @@ def _sensor(entry: FaultEntry, places: Places) -> Iterator[Fault]:
 
 
 def _components(places: Places, agent: str, sensor: str) -> int | None:
-    """How many numbers of a sample, or of a row of it, faults change, by the first that sees something; None if none.
+    """The number of components of a sample, or of a row of it; None where the first samples are empty.
 
-    Of a coupled world only the first sample of all is known beforehand.
+    In a coupled world only the very first sample is known before the run.
     """
     world = places.world
     assert world is not None
@@ -152,43 +144,30 @@ def _components(places: Places, agent: str, sensor: str) -> int | None:
     return next((numbers(sample).shape[-1] for sample in samples if sample is not None), None)
 
 
-_DRAFTS: dict[str, Callable[[FaultEntry, Places], Iterator[Fault]]] = {
-    "cut": _cut,
-    "hold": _hold,
-    "partition": _partition,
-    "set": _set,
-    "kill": _kill,
-    "pause": _pause,
-    "hog": _hog,
-    "clock": _clock,
-    "sensor": _sensor,
-}
-
-
 # -- live -----------------------------------------------------------------------------------------------------------
 
 _ABSOLUTE = {"at": "a live fault starts at once", "until": "write for: 2 s", "from": "a live process starts at once"}
 
 
-def parse_fault(written: Mapping[str, Any], fault_id: str, places: Places, lasting_ns: int) -> tuple[Fault, ...]:
-    """A live fault, written as an entry of the timeline without times: {"cut": "3-7", "for": "2s"}.
+def parse_fault(source: Mapping[str, Any], fault_id: str, places: Places, lasting_ns: int) -> tuple[Fault, ...]:
+    """The faults of a live fault, given as an entry of the timeline without times: {"cut": "3-7", "for": "2s"}.
 
     Args:
-        written: the entry.
-        fault_id: of the fault.
+        source: the entry.
+        fault_id: id of the live fault.
         places: what it may name.
-        lasting_ns: how long a random process goes on, at most.
+        lasting_ns: longest duration of a random process.
     Returns:
-        The faults; their times are counted from the instant at which they will take effect.
+        The faults, with times relative to the instant at which they take effect.
     Raises:
-        BadInput: what is wrong with it, all at once.
+        BadInput: all that is wrong with the entry.
     """
     for name, remedy in _ABSOLUTE.items():
-        if name in written:
+        if name in source:
             raise BadInput(f"{name}: {remedy}")
-    start = {"from": "0 s"} if "every" in written else {"at": "0 s"}
-    lasting = {"until": written["for"]} if "every" in written and "for" in written else {}
-    fields = {**written, **start, **lasting}
+    start = {"from": "0 s"} if "every" in source else {"at": "0 s"}
+    lasting = {"until": source["for"]} if "every" in source and "for" in source else {}
+    fields = {**source, **start, **lasting}
     if lasting:
         del fields["for"]
     return expand(read(FaultEntry, fields), fault_id, places, lasting_ns)

@@ -164,12 +164,12 @@ class FaultEntry:
             raise BadInput("write until or for, not both")
 
     def _check_action(self) -> None:
-        actions = [name for name in ACTIONS if self.written(name) is not None]
+        actions = [name for name in ACTIONS if self.given(name) is not None]
         if len(actions) != 1:
             raise BadInput(f"a fault is exactly one of {', '.join(ACTIONS)}, not {' and '.join(actions) or 'none'}")
         (action,) = actions
         for detail, whose in _DETAILS.items():
-            if self.written(detail) is not None and whose != action:
+            if self.given(detail) is not None and whose != action:
                 raise BadInput(f"{detail} belongs to {whose} and says nothing of a {action}")
 
     def _check_details(self) -> None:
@@ -179,13 +179,13 @@ class FaultEntry:
             raise BadInput("set is empty: write for example set: {loss: 0.5}")
         if self.clock is not None and not self.offset and not self.drift:
             raise BadInput("a clock fault has an offset, a drift or both: offset: 20 ms, drift: 50 ppm")
-        troubles = [name for name in TROUBLES if self.written(name) is not None]
+        troubles = [name for name in TROUBLES if self.given(name) is not None]
         if self.sensor is not None and len(troubles) != 1:
             told = " and ".join(troubles) or "none"
             raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {told}: bias: 0.01")
 
-    def written(self, name: str) -> Any:
-        """The value of the field of this name in the file."""
+    def given(self, name: str) -> Any:
+        """The value of a field by its name in a scenario; None if it is not given."""
         return getattr(self, f"{name}_" if name in ("set", "for", "from") else name)
 
     @property
@@ -201,7 +201,7 @@ class FaultEntry:
     @property
     def action(self) -> str:
         """Which of the actions it is."""
-        return next(name for name in ACTIONS if self.written(name) is not None)
+        return next(name for name in ACTIONS if self.given(name) is not None)
 
     @property
     def place(self) -> str:

@@ -70,7 +70,7 @@ class ControlServer:
             "stop": self._stop,
         }
         try:
-            return {"said": await actions[do]()}
+            return {"result": await actions[do]()}
         except VoleryError as error:
             return {"error": str(error), "exit_code": error.exit_code}
 

@@ -1,22 +1,30 @@
-"""A running swarm from Python: what `volery.connect` gives; each method is one request to its supervisor."""
+"""A running swarm as `volery status`, `fault`, `stop` and `volery.connect` reach it: requests to its supervisor."""
 
 from __future__ import annotations
 
+import asyncio
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import BadInput
+import msgpack
+
+from ...errors import BadInput, RunFailed
+from ...transport import zenoh_session as zs
+from ...transport.keys import CONTROL_CLIENT, Keys
 from ..record.run_files import CONTROL_FILE
-from .control_client import call
+
+_TIMEOUT_S = 15.0
+_JOIN_TIMEOUT_S = 5.0
 
 
 @dataclass(frozen=True)
 class RunningSwarm:
-    """A running swarm, by its folder.
+    """A running swarm, by its folder; each method is one request to its supervisor.
 
-    Every method raises BadInput where what it asks is refused or the run is over, and RunFailed without an answer.
+    Every method raises BadInput if the request is refused or the run is over, and RunFailed without an answer.
     """
 
     folder: Path
@@ -25,7 +33,7 @@ class RunningSwarm:
         """Inject a fault, given as in a scenario's timeline but without times: {"cut": "3-7", "for": "2 s"}.
 
         Returns:
-            Its name, when it is in force, and notes, each a line.
+            Its name, when it is in force, and notes, one a line.
         """
         return str(call(self.folder, {"do": "inject", "fault": dict(fault)}))
 
@@ -62,8 +70,38 @@ def connect(folder: str | Path) -> RunningSwarm:
     """The swarm that runs in a folder.
 
     Raises:
-        BadInput: none does.
+        BadInput: there is none.
     """
     if not (Path(folder) / CONTROL_FILE).exists():
         raise BadInput(f"{folder} is not running: `volery run SCENARIO --detach --name NAME` starts runs/NAME")
     return RunningSwarm(Path(folder))
+
+
+def running(runs: Path) -> list[Path]:
+    """Folders of running swarms, the newest last."""
+    return sorted(path.parent for path in runs.glob(f"*/{CONTROL_FILE}"))
+
+
+def call(folder: Path, request: Mapping[str, Any]) -> Any:
+    """The answer of the supervisor of the run in a folder to a request.
+
+    Raises:
+        BadInput: the run is over, or the request is refused.
+        RunFailed: the supervisor does not answer.
+    """
+    control = folder / CONTROL_FILE
+    if not control.exists():
+        raise BadInput(f"{folder} is not running: `volery status` lists what is")
+    access = json.loads(control.read_text())
+    session = zs.open_client(access["endpoint"], zs.Credentials(CONTROL_CLIENT, access["password"]), _JOIN_TIMEOUT_S)
+    try:
+        key = Keys(access["run"]).supervisor()
+        answers = asyncio.run(zs.ask(session, key, msgpack.packb(dict(request)), _TIMEOUT_S))
+    finally:
+        session.close()
+    if not answers:
+        raise RunFailed(f"the supervisor of {folder} does not answer")
+    answer = msgpack.unpackb(next(iter(answers.values())))
+    if "error" in answer:
+        raise (BadInput if answer["exit_code"] == BadInput.exit_code else RunFailed)(answer["error"])
+    return answer["result"]

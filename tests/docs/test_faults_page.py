@@ -62,8 +62,8 @@ def test_every_fault_is_shown_both_ways() -> None:
 def test_every_command_is_understood(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it asks of the supervisor, that would do: the fault, the links or the agents exist in the scenario."""
     asked: list[Mapping[str, Any]] = []
-    monkeypatch.setattr(cli_faults, "running_swarm", lambda *_: tmp_path)
-    monkeypatch.setattr(cli_faults, "call", lambda _, request: asked.append(request))
+    monkeypatch.setattr(cli_faults, "running_swarm", lambda *_: remote.RunningSwarm(tmp_path))
+    monkeypatch.setattr(remote, "call", lambda _, request: asked.append(request))
     assert cli.main(shlex.split(command)[1:]) == 0
     (request,) = asked
     places = places_of(plan_of("", tmp_path))

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from volery.errors import BadInput
-from volery.experiments.cli import fault_commands as cli_faults
 from volery.experiments.cli import live_commands as cli_live
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import Places
+from volery.experiments.swarm import running_swarm
 from volery.transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, SensorFault
 
 from ...surroundings import build_world as build
@@ -68,8 +68,7 @@ def supervisor(volery: Volery, monkeypatch: pytest.MonkeyPatch) -> Supervisor:
         (folder / "run.json").write_text(json.dumps({"status": "running", "pid": pid}), "utf-8")
         (folder / "control.json").touch()
     found = Supervisor()
-    monkeypatch.setattr(cli_live, "call", found)
-    monkeypatch.setattr(cli_faults, "call", found)
+    monkeypatch.setattr(running_swarm, "call", found)
     monkeypatch.setattr(cli_live, "_ASK_EVERY_S", 0.0)
     return found
 
