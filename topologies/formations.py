@@ -8,17 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInput
-from ..units import BareMetres, Radians
+from ..units import BareMetres, Bounds, Radians
 from .graphs import Position
 
 Floats = NDArray[np.float64]
 Place = tuple[BareMetres, ...]
 """Two or three lengths."""
+_Spacing = Annotated[BareMetres, Bounds(above=0.0)]
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,15 @@ class Formation:
         BadInput: no shape or more than one, a length that is not above 0, or a position without two or three lengths.
     """
 
-    triangle: BareMetres | None = None
-    line: BareMetres | None = None
-    ring: BareMetres | None = None
-    grid: BareMetres | None = None
-    vee: BareMetres | None = None
+    json_schema: ClassVar[Mapping[str, Any]] = {
+        "oneOf": [{"required": [name]} for name in ("triangle", "line", "ring", "grid", "vee", "places")]
+    }
+
+    triangle: _Spacing | None = None
+    line: _Spacing | None = None
+    ring: _Spacing | None = None
+    grid: _Spacing | None = None
+    vee: _Spacing | None = None
     places: tuple[Place, ...] | None = None
     order: tuple[int, ...] | None = None
     moved: Mapping[str, Place] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import BadInput
 from ..kinds import Kinds
-from ..units import Metres, Nanoseconds, check_above_zero
+from ..units import Duration, Metres, Period, check_above_zero
 from .graph_settings import FIXED, Edges, GraphSettings, Place, check_instant, over_whole_run, seconds
 from .graphs import Position, agents, edges, positions
 from .naming import natural_key
@@ -28,7 +28,7 @@ class Epoch:
     from: when it starts.
     """
 
-    from_: Nanoseconds
+    from_: Duration
     graph: Annotated[GraphSettings, FIXED] = field(metadata={"inline": True})
 
 
@@ -104,7 +104,7 @@ class Proximity(GraphSettings):
     """
 
     radius: Metres
-    every: Nanoseconds = 100_000_000
+    every: Period = 100_000_000
     hysteresis: Metres = 0.0
 
     def __post_init__(self) -> None:

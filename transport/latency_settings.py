@@ -12,12 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import exp, inf, log, log1p, sqrt
 from statistics import NormalDist
+from typing import Annotated
 
 from ..errors import BadInput
 from ..kinds import Kinds
-from ..units import Nanoseconds
+from ..units import Bounds, Duration, Period
 from .traces import Steps
 
+Correlation = Annotated[float, Bounds(above=-1.0, below=1.0)]
 STANDARD_NORMAL = NormalDist()
 _TRUNCATION_SD = 3
 _TRUNCATED = STANDARD_NORMAL.cdf(-_TRUNCATION_SD)
@@ -64,7 +66,7 @@ class Constant(Latency):
     value: the latency.
     """
 
-    value: Nanoseconds
+    value: Duration
 
     def __post_init__(self) -> None:
         """Check the bound."""
@@ -88,9 +90,9 @@ class LatencyTrace(Latency):
     repeat: period after which the trace is repeated.
     """
 
-    times: tuple[Nanoseconds, ...]
-    latencies: tuple[Nanoseconds, ...]
-    repeat: Nanoseconds | None = None
+    times: tuple[Duration, ...]
+    latencies: tuple[Duration, ...]
+    repeat: Period | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -150,9 +152,9 @@ class Uniform(Distribution):
     correlation: correlation of successive latencies.
     """
 
-    low: Nanoseconds
-    high: Nanoseconds
-    correlation: float = 0.0
+    low: Duration
+    high: Duration
+    correlation: Correlation = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -182,10 +184,10 @@ class Normal(Distribution):
     correlation: correlation of successive latencies.
     """
 
-    mean: Nanoseconds
-    sd: Nanoseconds
-    min: Nanoseconds | None = None
-    correlation: float = 0.0
+    mean: Duration
+    sd: Duration
+    min: Duration | None = None
+    correlation: Correlation = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -219,10 +221,10 @@ class _Positive(Distribution):
     correlation: correlation of successive latencies.
     """
 
-    mean: Nanoseconds
-    sd: Nanoseconds
-    min: Nanoseconds | None = None
-    correlation: float = 0.0
+    mean: Period
+    sd: Period
+    min: Duration | None = None
+    correlation: Correlation = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -310,9 +312,9 @@ class Pareto(Distribution):
     correlation: correlation of successive latencies.
     """
 
-    min: Nanoseconds
-    shape: float
-    correlation: float = 0.0
+    min: Period
+    shape: Annotated[float, Bounds(above=1.0)]
+    correlation: Correlation = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds: with a shape of 1 or less there is no mean."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Annotated, Literal
 
 from ..errors import BadInput
-from ..units import BitsPerSecond, Bytes, Count, Nanoseconds, Probability
+from ..units import BitsPerSecond, Bounds, Bytes, Count, Period, Probability
 from .latency_settings import LATENCIES, Constant, Latency
 from .loss_settings import Losses, check_probability
 from .media_settings import MEDIA, FullDuplex, Medium
@@ -68,7 +68,7 @@ class Bucket:
     """
 
     rate: BitsPerSecond
-    burst: Bytes
+    burst: Annotated[Bytes, Bounds(above=0)]
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -104,7 +104,7 @@ class LinkSettings:
     rate: BitsPerSecond | None = None
     overhead: Bytes = 0
     bits_per_byte: Count = 8
-    mtu: Bytes = 1500
+    mtu: Annotated[Bytes, Bounds(above=0)] = 1500
     queue: Queue = Queue()
     bucket: Bucket | None = None
     loss: Losses = ()
@@ -115,7 +115,7 @@ class LinkSettings:
     cut: bool = False
     hold: bool = False
     present: bool = True
-    paired: Nanoseconds | None = None
+    paired: Period | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""

@@ -19,9 +19,10 @@ from ..units import (
     Bounds,
     DecibelMilliwatts,
     Decibels,
+    Duration,
     Metres,
-    Nanoseconds,
     OneOrMany,
+    Period,
     Probability,
     check_fields_above_zero,
 )
@@ -88,7 +89,7 @@ class Bernoulli(Loss):
     """
 
     probability: Probability
-    correlation: Annotated[float, Bounds(least=0.0)] = 0.0
+    correlation: Annotated[float, Bounds(least=0.0, below=1.0)] = 0.0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -215,8 +216,8 @@ class GilbertElliottTime(Loss):
     loss_good: loss probability in the good state.
     """
 
-    mean_good: Nanoseconds
-    mean_bad: Nanoseconds
+    mean_good: Period
+    mean_bad: Period
     loss_bad: Probability = 1.0
     loss_good: Probability = 0.0
 
@@ -253,8 +254,8 @@ class Markov(Loss):
     mean_down: mean time down.
     """
 
-    mean_up: Nanoseconds
-    mean_down: Nanoseconds
+    mean_up: Period
+    mean_down: Period
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -284,9 +285,9 @@ class LossTrace(Loss):
     repeat: period after which the trace is repeated.
     """
 
-    times: tuple[Nanoseconds, ...]
-    losses: tuple[float, ...]
-    repeat: Nanoseconds | None = None
+    times: tuple[Duration, ...]
+    losses: tuple[Probability, ...]
+    repeat: Period | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -327,14 +328,14 @@ class Distance(Loss):
     decorrelation: mean time between changes of X.
     """
 
-    exponent: float
+    exponent: Annotated[float, Bounds(above=0.0)]
     sensitivity: DecibelMilliwatts
     power: DecibelMilliwatts = 0.0
     reference_loss: Decibels = 40.0
-    reference_distance: Metres = 1.0
-    width: Decibels = 1.0
-    shadowing: Decibels = 0.0
-    decorrelation: Nanoseconds | None = None
+    reference_distance: Annotated[Metres, Bounds(above=0.0)] = 1.0
+    width: Annotated[Decibels, Bounds(least=0.0)] = 1.0
+    shadowing: Annotated[Decibels, Bounds(least=0.0)] = 0.0
+    decorrelation: Period | None = None
 
     def __post_init__(self) -> None:
         """Check the bounds."""

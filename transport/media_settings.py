@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from ..errors import BadInput
 from ..kinds import Kinds
-from ..units import Hertz, Nanoseconds
+from ..units import Bounds, Duration, Hertz, Period
 
 _MICROSECOND_NS = 1_000
 ACCESS_ATTEMPTS = 16
@@ -30,7 +30,7 @@ class SlottedAloha:
     slot: length of a slot.
     """
 
-    slot: Nanoseconds
+    slot: Period
 
     def __post_init__(self) -> None:
         """Check the bound."""
@@ -54,7 +54,7 @@ class Tdma:
     """
 
     cycle: Hertz
-    guard: Nanoseconds = 0
+    guard: Duration = 0
 
     def __post_init__(self) -> None:
         """Check the bounds."""
@@ -80,12 +80,12 @@ class Csma:
     turnaround: aTurnaroundTime, 12 symbols by default.
     """
 
-    min_be: int = 3
-    max_be: int = 5
-    max_backoffs: int = 4
-    period: Nanoseconds = 320 * _MICROSECOND_NS
-    cca: Nanoseconds = 128 * _MICROSECOND_NS
-    turnaround: Nanoseconds = 192 * _MICROSECOND_NS
+    min_be: Annotated[int, Bounds(0, 30)] = 3
+    max_be: Annotated[int, Bounds(0, 30)] = 5
+    max_backoffs: Annotated[int, Bounds(0, ACCESS_ATTEMPTS - 1)] = 4
+    period: Period = 320 * _MICROSECOND_NS
+    cca: Period = 128 * _MICROSECOND_NS
+    turnaround: Period = 192 * _MICROSECOND_NS
 
     def __post_init__(self) -> None:
         """Check the bounds."""

@@ -10,7 +10,7 @@ from typing import Annotated, Protocol
 
 from ..errors import BadInput
 from ..kinds import Kinds
-from ..units import OWNERS, Hertz, Nanoseconds, Radians, Unit
+from ..units import OWNERS, Duration, Hertz, Period, Radians, Unit
 
 OwnersUnit = Annotated[float, OWNERS]
 
@@ -86,8 +86,8 @@ class Ramp:
 
     first: OwnersUnit = field(metadata={"name": "from"})
     last: OwnersUnit = field(metadata={"name": "to"})
-    at_ns: Nanoseconds
-    over_ns: Nanoseconds
+    at_ns: Duration
+    over_ns: Period
 
     def __post_init__(self) -> None:
         """Check the times."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ...errors import BadInput
 from ...estimators.altitude.components import Barometer, Ground, Imu, RangeFinder, Robot, Sensor
 from ...estimators.altitude.modular_filter import GroundJumps, ModularFilter, check_names
-from ...units import Hertz, Nanoseconds, check_fields_above_zero
+from ...units import Duration, Hertz, check_fields_above_zero
 from ..idle import refuse_idle
 
 _FLOOR = ("level", "floor_noise")
@@ -27,7 +27,7 @@ class AltitudeEkfParameters:
     """
 
     rate: Hertz = 20.0
-    history: Nanoseconds = 500_000_000
+    history: Duration = 500_000_000
     imus: Mapping[str, Imu] = field(default_factory=dict)
     barometers: Mapping[str, Barometer] = field(default_factory=dict)
     range_finders: Mapping[str, RangeFinder] = field(default_factory=dict)

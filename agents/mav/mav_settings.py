@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from ...estimators.formation.intersection import Weighting
 from ...estimators.formation.model import FormationModel
 from ...topologies.formations import Formation
 from ...units import (
+    Bounds,
     Bytes,
     Hertz,
     Kilograms,
@@ -28,6 +29,7 @@ from ...units import (
     Nanoseconds,
     Radians,
     RadiansPerSecond,
+    Unit,
     period_ns,
 )
 from ..idle import refuse_idle
@@ -149,7 +151,7 @@ class MavParameters:
     patience: Nanoseconds = 1_000_000_000
     silence: Nanoseconds = 3_000_000_000
     report: Hertz = 30.0
-    report_covariance: Hertz = 0.0
+    report_covariance: Annotated[float, Unit("Hz"), Bounds(least=0.0)] = 0.0
 
     def __post_init__(self) -> None:
         """Check what does not depend on the number of vehicles."""

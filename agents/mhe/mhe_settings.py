@@ -15,10 +15,10 @@ from ...estimators.horizon.quadratic_programs import Solver
 from ...estimators.horizon.quadrotor_model import Deviations, QuadrotorModel
 from ...rotations import euler_to_quaternion
 from ...units import (
+    Duration,
     Hertz,
     Metres,
     MetresPerSecondSquared,
-    Nanoseconds,
     Radians,
     RadiansPerSecond,
     check_fields_above_zero,
@@ -63,7 +63,7 @@ class MheParameters:
     configurations: tuple[Configuration, ...] = ("A",)
     rate: Hertz = 100.0
     horizon: int = 10
-    wait: Nanoseconds = 5_000_000
+    wait: Duration = 5_000_000
     solver: Solver = "daqp"
     gyroscope_bias: bool = False
     accelerometer_bias: bool = False

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ...errors import BadInput
 from ...randomness import stream
-from ...units import Nanoseconds, quantity
+from ...units import Period, quantity
 
 MOST, MOST_OF_A_PLACE = 10_000, 1_000
 """More faults of one entry, and of one of its places, than anybody means."""
@@ -24,8 +24,8 @@ class Every:
     together: whether all places fail at once, and not each by itself.
     """
 
-    mtbf: Nanoseconds
-    mttr: Nanoseconds
+    mtbf: Period
+    mttr: Period
     together: bool = False
 
     def __post_init__(self) -> None:

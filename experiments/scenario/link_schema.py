@@ -8,22 +8,43 @@ from functools import cache, partial
 from types import GenericAlias
 from typing import Annotated, Any, get_type_hints
 
-from pydantic import BaseModel, Field, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 
 from ...transport.links import Bucket, LinkSettings
 from ...transport.media_settings import HalfDuplex
 from .dumping import settings
 from .fault_places import Words
-from .field_docs import described
+from .field_docs import described, summary
 from .presets import PRESET, PresetName, with_preset
-from .settings_reading import Reader, any_of, given, partial_model, typed, validated
+from .settings_reading import STRICT, Reader, any_of, given, model_fields, typed, validated
 
 _PRESET: Any = (PresetName, Field(default=None, alias=PRESET, title=PRESET, description="links of well-known hardware"))
 
 
+def _partial_model(cls: type[Any], json_schema: dict[str, Any] | None = None) -> type[BaseModel]:
+    """The fields of a dataclass, none of them required; each is checked on its own.
+
+    json_schema: what JSON Schema is to demand of several fields.
+    """
+
+    def alone(name: str, value: Any) -> Any:
+        cls(**{name: value})
+        return value
+
+    shown: dict[str, Any] = {
+        name: (Annotated[shape, AfterValidator(partial(alone, name.removesuffix("_")))], field)
+        for name, (shape, field) in model_fields(cls, optional=True).items()
+    }
+    config = ConfigDict(**STRICT, json_schema_extra=json_schema)
+    return create_model(cls.__name__, __config__=config, __doc__=summary(cls), __module__=cls.__module__, **shown)
+
+
+_WHOLE = {"properties": {"medium": {"required": ["kind"]}, "bucket": {"required": ["rate", "burst"]}}}
+
+
 @cache
 def _changes_model() -> type[BaseModel]:
-    return partial_model(LinkSettings)
+    return _partial_model(LinkSettings, {"if": {"not": {"required": [PRESET]}}, "then": _WHOLE})
 
 
 def _read_changes(value: Any) -> dict[str, Any]:
@@ -82,7 +103,7 @@ def _parts() -> dict[str, Any]:
 
 
 def _or_part(hint: Any, cls: type[Any]) -> Any:
-    return any_of([typed(hint), partial_model(cls)])
+    return any_of([typed(hint), _partial_model(cls)])
 
 
 def _read_links(value: Any) -> Links:

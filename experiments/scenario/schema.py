@@ -16,7 +16,7 @@ from ...agents.registry import AGENTS
 from ...errors import BadInput
 from ...names import LONGEST_RUN, check_length
 from ...topologies.over_time import Topology
-from ...units import Bounds, Nanoseconds, quantity
+from ...units import Bounds, Duration, Period, quantity
 from ...worlds.world_kinds import AnyWorld
 from .dumping import dumped, settings
 from .fault_places import Groups, Words
@@ -76,7 +76,7 @@ class _EveryKind:
     compute: nominal time from an event to what the agent sends because of it.
     """
 
-    compute: Annotated[Nanoseconds, Check(_not_negative)] = MILLISECOND_NS
+    compute: Annotated[Duration, Check(_not_negative)] = MILLISECOND_NS
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Scenario:
     paper: str = ""
     description: str = ""
     seed: Annotated[int, Check(_seed), Bounds(least=0)] = 0
-    duration: Annotated[Nanoseconds, Check(_lasting)]
+    duration: Annotated[Period, Check(_lasting)]
     topology: Topology
     agents: Annotated[Agents, _agents_reader(Agents, _All)]
     world: AnyWorld | None = None

@@ -17,14 +17,12 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     TypeAdapter,
     ValidationError,
-    WithJsonSchema,
     create_model,
 )
 from pydantic.json_schema import JsonSchemaValue
@@ -38,11 +36,11 @@ from ...worlds.signals import Steps
 from .annotations import is_union, mark, owned, written_name
 from .dumping import dumped
 from .field_docs import described, summary
+from .number_types import quantity_type, within
 from .trace_files import STAND_INS
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
 TAG = "kind"
-_NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
 
 
 @dataclass(frozen=True)
@@ -149,28 +147,9 @@ def typed(hint: Any, owner: Unit | None = None) -> Any:
     if (reader := mark(hint, Reader)) is not None:
         return Annotated[base, reader]
     unit = mark(hint, Unit)
-    found = _structure(base, owner) if unit is None else _quantity(base, unit)
-    if (bounds := mark(hint, Bounds)) is not None:
-        limits = {"minimum": bounds.least, "maximum": bounds.most}
-        found = Annotated[
-            found, Field(json_schema_extra={name: end for name, end in limits.items() if end is not None})
-        ]
+    bounds = mark(hint, Bounds) or Bounds()
+    found = within(_structure(base, owner) if unit is None else quantity_type(base, unit, bounds), bounds)
     return found if (check := mark(hint, Check)) is None else Annotated[found, AfterValidator(check.check)]
-
-
-def _quantity(base: Any, unit: Unit) -> Any:
-    names = "|".join(
-        sorted((name.replace("(", r"\(").replace(")", r"\)") for name in unit.names), key=len, reverse=True)
-    ).replace("µ", "[µμ]")
-    sign = "[-+]?" if unit.signed else "[+]?"
-    units = ", ".join(unit.names)
-    text = {
-        "type": "string",
-        "pattern": rf"^\s*{sign}{_NUMBER}({names})\s*$",
-        "description": f"number and unit: {units}",
-    }
-    number = {"type": "number"} if unit.bare else {"const": 0}
-    return Annotated[base, BeforeValidator(unit.read), WithJsonSchema({"anyOf": [text, number]})]
 
 
 def _structure(base: Any, owner: Unit | None) -> Any:
@@ -253,7 +232,7 @@ def model_of(
     tag: str = "",
     beside: Any = None,
 ) -> type[BaseModel]:
-    """The fields of a dataclass as a model.
+    """The fields of a dataclass as a model; its `json_schema` says what JSON Schema is to demand of several fields.
 
     Args:
         cls: the dataclass.
@@ -265,7 +244,8 @@ def model_of(
     shown |= {} if beside is None else model_fields(beside)
     shown |= model_fields(cls, owner)
     name = f"{'' if beside is None else beside.__name__.strip('_')}{cls.__name__}"
-    return create_model(name, __config__=STRICT, __doc__=summary(cls), __module__=cls.__module__, **shown)
+    config = ConfigDict(**STRICT, json_schema_extra=getattr(cls, "json_schema", None))
+    return create_model(name, __config__=config, __doc__=summary(cls), __module__=cls.__module__, **shown)
 
 
 def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False) -> dict[str, Any]:
@@ -277,20 +257,6 @@ def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False)
         )
         for name, (hint, field) in read_fields(cls).items()
     }
-
-
-def partial_model(cls: type[Any]) -> type[BaseModel]:
-    """The fields of a dataclass, none of them required; each is checked on its own."""
-
-    def alone(name: str, value: Any) -> Any:
-        cls(**{name: value})
-        return value
-
-    shown: dict[str, Any] = {
-        name: (Annotated[shape, AfterValidator(partial(alone, name.removesuffix("_")))], field)
-        for name, (shape, field) in model_fields(cls, optional=True).items()
-    }
-    return create_model(cls.__name__, __config__=STRICT, __doc__=summary(cls), __module__=cls.__module__, **shown)
 
 
 def _needed(field: Any) -> bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from ...errors import BadInput
-from ...units import Bounds, Nanoseconds, PartsPerBillion, Probability, quantity
+from ...units import Bounds, Duration, Nanoseconds, PartsPerBillion, Period, Probability, quantity
 from .fault_places import Words
 from .fault_processes import Every
 from .link_schema import LinkChanges
@@ -24,6 +25,11 @@ _DETAILS = {
     **dict.fromkeys(TROUBLES, "sensor"),
 }
 """Fields that say more about one action, and mean nothing beside another."""
+
+
+def _exactly_one(names: Iterable[str]) -> dict[str, Any]:
+    """What JSON Schema demands of a mapping that must have exactly one of some fields."""
+    return {"oneOf": [{"required": [name]} for name in names]}
 
 
 def _read_size(value: Any) -> tuple[float, ...]:
@@ -83,7 +89,7 @@ def _drift(drift_ppb: int) -> int:
     return drift_ppb
 
 
-_Start = Annotated[Nanoseconds, Check(_not_before_the_start)]
+_Start = Annotated[Duration, Check(_not_before_the_start)]
 _Flag = Annotated[bool, Check(_true)]
 
 
@@ -117,11 +123,21 @@ class FaultEntry:
     spikes: some samples are far off.
     """
 
+    json_schema: ClassVar[Mapping[str, Any]] = {
+        "allOf": [_exactly_one(ACTIONS), _exactly_one(("at", "every"))],
+        "dependentRequired": {"set": ["where"], "from": ["every"], **{name: [of] for name, of in _DETAILS.items()}},
+        "dependentSchemas": {
+            "sensor": _exactly_one(TROUBLES),
+            "clock": {"anyOf": [{"required": ["offset"]}, {"required": ["drift"]}]},
+            "for": {"not": {"anyOf": [{"required": ["every"]}, {"required": ["until"]}]}},
+        },
+    }
+
     at: _Start | None = None
     every: Every | None = None
     from_: _Start | None = None
-    until: Nanoseconds | None = None
-    for_: Annotated[Nanoseconds, Check(_lasting)] | None = None
+    until: Period | None = None
+    for_: Annotated[Period, Check(_lasting)] | None = None
     cut: Words | None = None
     hold: Words | None = None
     partition: PartitionWord | None = None
@@ -131,7 +147,7 @@ class FaultEntry:
     keep_state: _Flag | None = None
     pause: Words | None = None
     hog: Words | None = None
-    share: Annotated[float, Check(_share), Bounds(0.0, 1.0)] | None = None
+    share: Annotated[float, Check(_share), Bounds(above=0.0, most=1.0)] | None = None
     clock: Words | None = None
     offset: Nanoseconds | None = None
     drift: Annotated[PartsPerBillion, Check(_drift)] | None = None

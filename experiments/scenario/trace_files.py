@@ -12,7 +12,7 @@ from typing import Any
 from ...errors import BadInput
 from ...transport.latency_settings import LatencyTrace
 from ...transport.loss_settings import LossTrace
-from ...units import Nanoseconds, parse
+from ...units import Nanoseconds, Period, parse
 
 _IN_TIME = r"_(ns|us|[µμ]s|ms|s|min|h)"
 _TRACE, _FILE = "trace", "file"
@@ -31,7 +31,7 @@ class LossTraceText:
     file: str | None = None
     times: tuple[Nanoseconds, ...] | None = None
     losses: tuple[float, ...] | None = None
-    repeat: Nanoseconds | None = None
+    repeat: Period | None = None
 
     def made(self) -> LossTrace:
         """The trace."""
@@ -52,7 +52,7 @@ class LatencyTraceText:
     file: str | None = None
     times: tuple[Nanoseconds, ...] | None = None
     latencies: tuple[Nanoseconds, ...] | None = None
-    repeat: Nanoseconds | None = None
+    repeat: Period | None = None
 
     def made(self) -> LatencyTrace:
         """The trace."""

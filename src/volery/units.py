@@ -139,10 +139,12 @@ OWNERS = Unit("")
 
 @dataclass(frozen=True)
 class Bounds:
-    """Marks the bounds of a plain number, both included."""
+    """Marks the bounds of a number or quantity in its unit: `least` and `most` are included, the others are not."""
 
     least: float | None = None
     most: float | None = None
+    above: float | None = None
+    below: float | None = None
 
 
 @dataclass(frozen=True)
@@ -155,11 +157,15 @@ class OneOrMany:
 Probability = Annotated[float, Bounds(0.0, 1.0)]
 Count = Annotated[int, Bounds(least=1)]
 Nanoseconds = Annotated[int, Unit("ns")]
-Hertz = Annotated[float, Unit("Hz")]
-BitsPerSecond = Annotated[float, Unit("bit/s")]
+Duration = Annotated[Nanoseconds, Bounds(least=0)]
+"""Nanoseconds, at least 0."""
+Period = Annotated[Nanoseconds, Bounds(above=0)]
+"""Nanoseconds, above 0."""
+Hertz = Annotated[float, Unit("Hz"), Bounds(above=0.0)]
+BitsPerSecond = Annotated[float, Unit("bit/s"), Bounds(above=0.0)]
 Bytes = Annotated[int, Unit("B")]
 PerSecond = Annotated[float, Unit("/s")]
-Kilograms = Annotated[float, Unit("kg")]
+Kilograms = Annotated[float, Unit("kg"), Bounds(above=0.0)]
 Seconds = Annotated[float, Unit("s")]
 Metres = Annotated[float, Unit("m")]
 BareMetres = Annotated[float, Unit("m", bare=True)]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInput
 from ...randomness import stream
-from ...units import MetresPerSecondSquared, Nanoseconds, Seconds, check_above_zero
+from ...units import Duration, MetresPerSecondSquared, Period, Seconds, check_above_zero
 
 Floats = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ class Gust:
         BadInput: a duration that is not above 0, or a start before 0.
     """
 
-    start_ns: Nanoseconds
-    duration_ns: Nanoseconds
+    start_ns: Duration
+    duration_ns: Period
     acceleration: tuple[MetresPerSecondSquared, MetresPerSecondSquared, MetresPerSecondSquared]
 
     def __post_init__(self) -> None:
@@ -123,8 +123,8 @@ class Random:
         BadInput: a time that is not above 0, or an acceleration below 0.
     """
 
-    every_ns: Nanoseconds
-    duration_ns: Nanoseconds
+    every_ns: Period
+    duration_ns: Period
     acceleration: MetresPerSecondSquared
 
     def __post_init__(self) -> None:

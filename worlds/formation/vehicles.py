@@ -21,7 +21,7 @@ from ...units import (
     Kilograms,
     KilogramSquareMetres,
     Metres,
-    Nanoseconds,
+    Period,
     PerSecond,
     Radians,
     Seconds,
@@ -62,7 +62,7 @@ class Vehicle:
     drag: PerSecond = 0.1
     thrust_to_weight: float = 2.0
     tilt: Radians = math.pi / 4
-    command_timeout_ns: Nanoseconds = 1_000_000_000
+    command_timeout_ns: Period = 1_000_000_000
 
     def __post_init__(self) -> None:
         """Check the bounds."""

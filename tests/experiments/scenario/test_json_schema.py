@@ -125,6 +125,33 @@ WRONG = {
     "override without a place": changed("  overhead: 4 B", "  only: [{loss: 0.5}]"),
     "overhead in bits": changed("overhead: 4 B", "overhead: 32 bit"),
     "queue without room": changed("  overhead: 4 B", "  queue: {limit: 0}"),
+    "rate of 0": changed("  rate: 20 Hz", "  rate: 0.00 kHz"),
+    "rate of 0 without a unit": changed("  rate: 20 Hz", "  rate: 0"),
+    "duration below 0": changed("10 s", "-10 s"),
+    "duration of 0": changed("10 s", "0 min"),
+    "link of 0 bit/s": changed("115.2 kbit/s", "0 bit/s"),
+    "latency below 0": changed("mean: 2 ms", "mean: -2 ms"),
+    "correlation of 1": changed("mean: 2 ms", "correlation: 1, mean: 2 ms"),
+    "slot below 0": changed("guard: 0.2 ms", "guard: -1 ms"),
+    "backoff exponent above 30": changed(
+        "per: edge, access: {tdma: {cycle: 60 Hz, guard: 0.2 ms}}",
+        "per: node, access: {csma: {max_be: 31}}",
+    ),
+    "part of a medium without a preset": changed("kind: half-duplex, per: edge, access", "access"),
+    "part of a bucket without a preset": changed("  overhead: 4 B", "  bucket: {rate: 1 kbit/s}"),
+    "part of a bucket in a fault": changed("{loss: {bernoulli: 0.5}}", "{bucket: {rate: 1 kbit/s}}"),
+    "fault of two kinds": changed("cut: 1-2", "cut: 1-2, kill: 3"),
+    "fault of no kind": changed(", cut: 1-2", ""),
+    "fault without a start": changed("at: 3 s, until: 4 s, cut", "until: 4 s, cut"),
+    "fault that ends twice": changed("until: 4 s, cut", "until: 4 s, for: 1 s, cut"),
+    "detail of another fault": changed("cut: 1-2", "cut: 1-2, share: 0.5"),
+    "settings without a place": changed("where: all, ", ""),
+    "sensor without a trouble": changed("cut: 1-2", "sensor: 2.distance"),
+    "sensor with two troubles": changed("cut: 1-2", "sensor: 2.distance, failed: true, stuck: true"),
+    "clock that is right": changed("cut: 1-2", "clock: 2"),
+    "formation of two shapes": added("world: {kind: formation, start: {ring: 1 m, line: 1 m}}"),
+    "formation of no shape": added("world: {kind: formation, start: {turned: 90 deg}}"),
+    "formation without extent": added("world: {kind: formation, start: {ring: 0 m}}"),
     "unknown field of a fault": changed("cut: 1-2", "cuts: 1-2"),
     "setting of a link that is none": changed("set: {loss", "set: {los"),
     "sensor fault that is text": changed("cut: 1-2", "sensor: 2.distance, bias: much"),
@@ -182,7 +209,7 @@ def test_fields_are_described_with_their_units_and_bounds() -> None:
     assert plane["rate"]["default"] == "20 Hz"
     text, nothing = plane["rate"]["anyOf"]
     assert text["description"] == "number and unit: mHz, Hz, kHz"
-    assert nothing == {"const": 0}
+    assert (nothing, plane["rate"]["exclusiveMinimum"]) == ({"const": 0}, 0.0)
     duplication = json_schema()["$defs"]["Links"]["properties"]["duplication"]
     assert (duplication["minimum"], duplication["maximum"]) == (0.0, 1.0)
 
