@@ -153,8 +153,8 @@ def airtime_utilisation(record: Record) -> dict[str, float]:
     """Medium → airtime of all that went over it, over the length of the run; what all neighbours hear counts once."""
     used: dict[str, set[tuple[str, int, int, int]]] = {}
     for link, frames in frame_fates(record).items():
-        mine = used.setdefault(medium_name(link, record.plan.links[link].medium), set())
-        mine.update(
+        transmissions = used.setdefault(medium_name(link, record.plan.links[link].medium), set())
+        transmissions.update(
             (link[0], frame.incarnation, frame.start_ns, frame.airtime_ns)
             for frame in frames
             if frame.start_ns is not None and frame.airtime_ns is not None

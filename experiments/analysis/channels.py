@@ -96,12 +96,12 @@ def channels(record: Record) -> dict[LinkName, Channel]:
     """Compare each link of a run with its settings."""
     fates = frame_fates(record)
     alpha = significance(_BY_CHANCE * len(fates))
-    sent = {link: list(_transmissions(LinkCourse(record, link), mine)) for link, mine in fates.items()}
+    sent = {link: list(_transmissions(LinkCourse(record, link), frames)) for link, frames in fates.items()}
     radios: dict[str, dict[tuple[int, int], _Transmission]] = {}
-    for (source, target), mine in sent.items():
+    for (source, target), frames in sent.items():
         if on_air(record.plan.links[source, target].medium):
-            radios.setdefault(source, {}).update({(frame.incarnation, frame.start_ns): frame for frame in mine})
-    return {link: _channel(mine, radios.get(link[0], {}), _place(record, link), alpha) for link, mine in sent.items()}
+            radios.setdefault(source, {}).update({(frame.incarnation, frame.start_ns): frame for frame in frames})
+    return {link: _channel(own, radios.get(link[0], {}), _place(record, link), alpha) for link, own in sent.items()}
 
 
 def _place(record: Record, link: LinkName) -> _Place:
@@ -114,7 +114,7 @@ def _place(record: Record, link: LinkName) -> _Place:
     return lambda incarnation: DirectedLink.of(plan.seed, source, target, incarnation, distance_m)
 
 
-def _drawn_apart(sent: Sequence[_Transmission]) -> list[_Transmission]:
+def _independent(sent: Sequence[_Transmission]) -> list[_Transmission]:
     """Of the frames that had the same draws, as those of one slot of a paired channel have, the first."""
     first: dict[tuple[LinkSettings, int], tuple[int, int]] = {}
     for frame in sent:
@@ -144,16 +144,16 @@ def _channel(
     """Compare one link; `radio`: what the radio that it goes over transmitted, by incarnation and start."""
     ordered = sorted(sent, key=lambda frame: (frame.incarnation, frame.start_ns))
     originals = [frame for frame in ordered if not frame.copy]
-    apart = _drawn_apart(ordered)
-    uncut = [frame for frame in apart if frame.verdict != CUT and not frame.copy]
+    independent = _independent(ordered)
+    uncut = [frame for frame in independent if frame.verdict != CUT and not frame.copy]
     kept = [frame for frame in uncut if frame.verdict != LOST]
     intact = [frame for frame in kept if frame.verdict != CORRUPT]
     return Channel(
         frames=len(originals),
         loss=_swallowed(uncut, place, "loss", LOST, alpha),
         corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
-        duplication=_duplication(intact, sum(frame.copy for frame in apart), alpha),
-        latency=_latency(apart, alpha),
+        duplication=_duplication(intact, sum(frame.copy for frame in independent), alpha),
+        latency=_latency(independent, alpha),
         rate=_rate(originals),
         burst=_burst([radio[key] for key in sorted(radio)] if radio else originals),
     )
@@ -166,9 +166,11 @@ def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdi
     for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
         stretch = list(group)
         stages = loss_stages(models, place(life), "" if verdict == LOST else field)
-        mine = [expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch]
-        expected += mine
-        variance += loss_variance(models, [(frame.draw, frame.start_ns) for frame in stretch], mine)
+        expected_here = [
+            expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
+        ]
+        expected += expected_here
+        variance += loss_variance(models, [(frame.draw, frame.start_ns) for frame in stretch], expected_here)
     return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
 
 
@@ -220,11 +222,16 @@ def _burst(frames: Sequence[_Transmission]) -> Comparison:
     for (_, bucket), stretch in groupby(frames, lambda frame: (frame.incarnation, frame.settings.bucket)):
         if bucket is None:
             continue
-        mine = list(stretch)
-        asked = float(max(bucket.burst * mine[0].settings.bits_per_byte, mine[0].settings.bits(mine[0].size)))
-        got = _excess(mine, bucket.rate)
+        sent = list(stretch)
+        asked = float(
+            max(
+                bucket.burst * sent[0].settings.bits_per_byte,
+                sent[0].settings.bits(sent[0].size),
+            )
+        )
+        got = _excess(sent, bucket.rate)
         if found.decision == "nothing" or got / asked > found.got / found.asked:
-            found = Comparison(len(mine), asked, got, 0.0, asked, "within" if got <= asked + 1 else "outside")
+            found = Comparison(len(sent), asked, got, 0.0, asked, "within" if got <= asked + 1 else "outside")
     return found
 
 

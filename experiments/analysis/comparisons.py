@@ -116,13 +116,13 @@ def compare_mean(
     if not count:
         return NOTHING
     mean_asked, mean_got = math.fsum(asked) / count, math.fsum(got) / count
-    apart = [value - expected for value, expected in zip(got, asked, strict=True)]
-    if max(map(abs, apart)) <= rounding:
+    deviations = [value - expected for value, expected in zip(got, asked, strict=True)]
+    if max(map(abs, deviations)) <= rounding:
         return Comparison(count, mean_asked, mean_got, mean_asked - rounding, mean_asked + rounding, "within")
     centre = mean_got - mean_asked
-    squares = [(value - centre) ** 2 for value in apart]
+    squares = [(value - centre) ** 2 for value in deviations]
     variance = math.fsum(squares) / count
-    third = math.fsum((value - centre) ** 3 for value in apart) / count
+    third = math.fsum((value - centre) ** 3 for value in deviations) / count
     shift = third / (6 * variance * count) + third * centre**2 / (3 * variance**2) if variance else 0.0
     z = -NormalDist().inv_cdf(alpha / 2)
     bound = z * math.sqrt(variance * inflation / count) + rounding

@@ -104,9 +104,9 @@ def judge(record: Record, accounts: Sequence[LinkAccount], channels: Mapping[str
 
 def _timers(record: Record) -> Lateness:
     """The worst of all processes for each quantile."""
-    done = [event for batch in record.batches.values() for event in batch.events if event["event"] == "done"]
-    told = [event["lateness_ns"] for event in done if event["lateness_ns"]]
-    return Lateness(*(float(max(one)) for one in zip(*told, strict=True)))
+    ended = [event for batch in record.batches.values() for event in batch.events if event["event"] == "done"]
+    lateness = [event["lateness_ns"] for event in ended if event["lateness_ns"]]
+    return Lateness(*(float(max(one)) for one in zip(*lateness, strict=True)))
 
 
 def _outside(channels: Mapping[str, Channel]) -> Iterator[str]:

@@ -166,9 +166,9 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         threshold: for the convergence time, in the agents' units; by default CONVERGED_FACTOR · steady-state rms.
     """
     of = record.evaluation or EvaluationResult({})
-    asked, ages = channels(record), age_courses(record)
+    channel_of, ages = channels(record), age_courses(record)
     links = {
-        ">".join(link): LinkMetrics(one, one.closes, asked[link], age_metrics(ages[link]))
+        ">".join(link): LinkMetrics(one, one.closes, channel_of[link], age_metrics(ages[link]))
         for link, one in account(record).items()
     }
     return Metrics(

@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from ...errors import BadInput
 from ..analysis.frame_trace import agents_of
-from ..figures.animation import FILMS, Told, animate, still
+from ..figures.animation import FILMS, Advance, animate, still
 from ..figures.space_time import plot_space_time
 from ..record.record import Record
 from .output import output, print_plain
@@ -84,14 +84,20 @@ class Diagram:
         if len(formats) > 1:
             raise BadInput(f"--format {' and '.join(formats)}: a film is made in one of them at a time")
         film = formats[0] if formats else None
-        with _told() as told:
+        with _shown() as progress:
             return animate(
-                record, out, self.span.bounds(record), per_second=self.fps, speed=self.speed, film=film, told=told
+                record,
+                out,
+                self.span.bounds(record),
+                per_second=self.fps,
+                speed=self.speed,
+                film=film,
+                progress=progress,
             )
 
 
 @contextmanager
-def _told() -> Iterator[Told]:
+def _shown() -> Iterator[Advance]:
     """Shows how far a film is: a bar in a terminal, elsewhere a line at each tenth."""
     console = output()
     if not console.is_terminal:

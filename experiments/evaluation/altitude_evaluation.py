@@ -81,14 +81,14 @@ class AltitudeEvaluation(Evaluation):
 
     def _findings(self, run: RunData) -> Iterator[Finding]:
         """Mean errors of altitude and ground, how often the altitude is as near as the filter believes, the counts."""
-        ((hub, said),) = run.estimates(ALTITUDE).items()
-        true = run.truth(ALTITUDE)[hub]
-        if np.isfinite(true).all():
-            altitude, ground = _CM * np.abs(said.value - true).T[:2]
+        ((hub, reports),) = run.estimates(ALTITUDE).items()
+        truth = run.truth(ALTITUDE)[hub]
+        if np.isfinite(truth).all():
+            altitude, ground = _CM * np.abs(reports.value - truth).T[:2]
             yield Finding(
                 "mean error of the altitude", float(altitude.mean()), "cm", f"largest {altitude.max():.1f} cm"
             )
-            for over, where in ((true[:, 1] > 0.0, "obstacles"), (true[:, 1] == 0.0, "the floor")):
+            for over, where in ((truth[:, 1] > 0.0, "obstacles"), (truth[:, 1] == 0.0, "the floor")):
                 if over.any():
                     yield Finding(f"mean error of the altitude over {where}", float(altitude[over].mean()), "cm")
             yield Finding("mean error of the ground", float(ground.mean()), "cm")

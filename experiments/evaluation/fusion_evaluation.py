@@ -74,8 +74,8 @@ class FusionEvaluation(Evaluation):
         belief = self._belief
         if self._sample:
             belief = predict(belief, self.problem.step(list(seen.values()), belief.mean))
-        told = [self.problem.measurement(name, readings, belief.mean) for name, readings in seen.items()]
-        pairs = [measured_information(one, len(belief.mean)) for one in told if one is not None]
+        measurements = [self.problem.measurement(name, readings, belief.mean) for name, readings in seen.items()]
+        pairs = [measured_information(one, len(belief.mean)) for one in measurements if one is not None]
         self._belief = corrected(belief, pairs)
 
     def findings(self, run: RunData) -> Sequence[Finding]:

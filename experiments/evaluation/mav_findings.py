@@ -63,10 +63,10 @@ def shape_errors(
             places[(positions.time_ns >= kill.at_ns) & (positions.time_ns < until_ns), vehicle] = np.nan
     shapes = {name: parameters.places(name, vehicles) for name in parameters.references}
     wanted = np.stack([shapes[parameters.reference_at(int(time_ns))] for time_ns in positions.time_ns])
-    apart = places - wanted
-    living = np.isfinite(apart).sum(axis=1, keepdims=True)
-    centre = np.nansum(apart, axis=1, keepdims=True) / np.maximum(living, 1)
-    return np.asarray(np.linalg.norm(apart - centre, axis=-1))
+    deviations = places - wanted
+    living = np.isfinite(deviations).sum(axis=1, keepdims=True)
+    centre = np.nansum(deviations, axis=1, keepdims=True) / np.maximum(living, 1)
+    return np.asarray(np.linalg.norm(deviations - centre, axis=-1))
 
 
 def _shape(parameters: MavParameters, names: tuple[str, ...], run: RunData) -> Iterator[Finding]:
@@ -163,12 +163,12 @@ def _distances(names: Sequence[str], run: RunData) -> Iterator[Finding]:
         return
     places = positions.value.reshape(len(positions.value), len(names), 3)
     first, second = np.triu_indices(len(names), 1)
-    apart = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
-    when, pair = np.unravel_index(int(apart.argmin()), apart.shape)
+    distances = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
+    when, pair = np.unravel_index(int(distances.argmin()), distances.shape)
     who = f"{names[first[pair]]} and {names[second[pair]]} at {positions.time_ns[when] * _SECOND:.2f} s"
     collisions = sum(note["what"] == "collision" for note in run.notes)
     collided = f"{collisions or 'no'} collision{'' if collisions == 1 else 's'}"
-    yield Finding("closest approach", float(apart[when, pair]), "m", f"{who}; {collided}")
+    yield Finding("closest approach", float(distances[when, pair]), "m", f"{who}; {collided}")
 
 
 # -- frames ---------------------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
-Told = Callable[[int, int], None]
+Advance = Callable[[int, int], None]
 """Called with the number of pictures drawn so far, and that of all."""
 
 FILMS = ("mp4", "gif")
@@ -48,7 +48,7 @@ def animate(
     per_second: float = 10.0,
     speed: float = 1.0,
     film: str | None = None,
-    told: Told | None = None,
+    progress: Advance | None = None,
 ) -> Path:
     """Draw a run, or a span of it, as a film; the path of the file.
 
@@ -59,7 +59,7 @@ def animate(
         per_second: pictures in a second of the film.
         speed: seconds of the run in a second of the film.
         film: of FILMS; by default mp4 where ffmpeg is found, else gif.
-        told: hears of every picture that is done.
+        progress: called after every picture.
     Raises:
         BadInput: no places to draw, no such film here, or more than MOST_PICTURES.
     """
@@ -87,8 +87,8 @@ def animate(
             for number, time_ns in enumerate(times, start=1):
                 scene.show(view.picture(time_ns))
                 writer.grab_frame()
-                if told is not None:
-                    told(number, len(times))
+                if progress is not None:
+                    progress(number, len(times))
     return path
 
 

@@ -73,12 +73,12 @@ class PlanView:
         self._true, self.agents = record.evaluated.places, record.evaluated.places.names
         self._views, self._followed_places = record.evaluated.views, record.evaluated.followed
         everywhere = self._positions(0, self.last_ns, _LOOKS)
-        apart, travelled = np.ptp(everywhere, axis=1).max(), np.ptp(everywhere.mean(axis=1), axis=0).max()
-        self.follows = bool(travelled > apart > 0.0)
+        spread, travelled = np.ptp(everywhere, axis=1).max(), np.ptp(everywhere.mean(axis=1), axis=0).max()
+        self.follows = bool(travelled > spread > 0.0)
         self._deaths = dict(_deaths(record))
-        outcomes = {link: sorted(_outcomes(mine)) for link, mine in frame_fates(record).items()}
+        outcomes = {link: sorted(_outcomes(frames)) for link, frames in frame_fates(record).items()}
         self.lately_ns = _lately(outcomes.values())
-        self._links = {link: _LinkHistory(LinkCourse(record, link), mine) for link, mine in outcomes.items()}
+        self._links = {link: _LinkHistory(LinkCourse(record, link), frames) for link, frames in outcomes.items()}
 
     # -- where they are -------------------------------------------------------------------------------------------
 

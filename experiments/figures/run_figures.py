@@ -100,8 +100,8 @@ def check_formats(formats: Sequence[str]) -> None:
     _check("figure format", formats, sorted(FigureCanvasAgg.get_supported_filetypes()))
 
 
-def _check(what: str, asked: Iterable[str], known: Sequence[str]) -> None:
-    for name in asked:
+def _check(what: str, names: Iterable[str], known: Sequence[str]) -> None:
+    for name in names:
         if name not in known:
             raise BadInput(f"{what} {name!r} is not known: one of {', '.join(known)}")
 

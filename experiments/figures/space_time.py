@@ -277,6 +277,6 @@ def fate_marks(fates: Iterable[str]) -> list[Line2D]:
     """The marks of some fates for a legend, each once, in the order of LOOKS."""
     from matplotlib.lines import Line2D
 
-    asked = set(fates)
-    looks = (look for fate, look in LOOKS.items() if fate in asked)
+    wanted = set(fates)
+    looks = (look for fate, look in LOOKS.items() if fate in wanted)
     return [Line2D([], [], **{**_mark(look), "linestyle": "-", "linewidth": 0.8}, label=look.name) for look in looks]

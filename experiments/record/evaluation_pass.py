@@ -152,11 +152,11 @@ def _judged(
 
     of_truth = {} if plain else differences(truth)
     width = series[first].value.shape[1]
-    apart = width if plain else of_truth[first].shape[1]
+    difference_width = width if plain else of_truth[first].shape[1]
     own = quantity.difference_components
     return EvaluatedQuantity(
         _numbered(quantity.name, quantity.components, width),
-        _numbered(quantity.name, quantity.components if own is None else own, apart),
+        _numbered(quantity.name, quantity.components if own is None else own, difference_width),
         quantity.role,
         time_ns,
         index,

@@ -28,10 +28,12 @@ _View = tuple[int, View]
 def true_places(record: Record) -> Places | None:
     """Of all agents, in natural order: as a world wrote down, as one tells that moves them, or as the topology has."""
     names = tuple(sorted((agent.name for agent in record.plan.agents), key=natural_key))
-    written, world = record.world_reports.get(POSITIONS), moving(record.plan.world)
-    if written is not None:
-        rows = _changes(written.time_ns)
-        return Places(names, written.time_ns[rows], written.value[rows].reshape(len(rows), len(names), -1)[:, :, :2])
+    positions, world = record.world_reports.get(POSITIONS), moving(record.plan.world)
+    if positions is not None:
+        rows = _changes(positions.time_ns)
+        return Places(
+            names, positions.time_ns[rows], positions.value[rows].reshape(len(rows), len(names), -1)[:, :, :2]
+        )
     if world is not None:
         times = np.array([*_instants(record.last_ns)], dtype=np.int64)
         everywhere = [[world.position(name, time_ns)[:2] for name in names] for time_ns in times.tolist()]

@@ -73,9 +73,9 @@ class Record:
             elif event["event"] == "cleared":
                 faults[event["id"]] = replace(faults[event["id"]], until_ns=event["time_ns"])
         lives = self.broken_off if self.end_ns is not None else ()
-        vain = [kill for agent, life in lives for kill in kills_of(faults.values(), agent)[life:]]
-        held = [fault for fault in faults.values() if fault not in vain]
-        return tuple(sorted(held, key=lambda fault: (fault.at_ns, fault.id)))
+        without_effect = [kill for agent, life in lives for kill in kills_of(faults.values(), agent)[life:]]
+        faults_held = [fault for fault in faults.values() if fault not in without_effect]
+        return tuple(sorted(faults_held, key=lambda fault: (fault.at_ns, fault.id)))
 
     @cached_property
     def faults_in_effect(self) -> tuple[Fault, ...]:

@@ -127,7 +127,7 @@ def entries_of_runs(found: Mapping[str, tuple[int, str, Values]], name: str) -> 
         value = measured.get(name)
         values.setdefault(label, {}).update({} if value is None else {seed: value})
         runs[label] += 1
-    return [Entry({RUN: label}, those, runs[label]) for label, those in values.items()]
+    return [Entry({RUN: label}, of_seeds, runs[label]) for label, of_seeds in values.items()]
 
 
 def contests(
@@ -149,10 +149,10 @@ def contests(
         where = tuple((axis, value) for axis, value in entry.place.items() if axis not in by)
         label = ", ".join(entry.place[axis] for axis in by) or "all"
         settings.setdefault(where, {})[label] = entry
-    held = [_contest(dict(where), those, confidence, rather_large) for where, those in settings.items()]
+    every = [_contest(dict(where), rivals, confidence, rather_large) for where, rivals in settings.items()]
     if SWEEP not in by:
-        return held
-    shared = [contest for contest in held if len(contest.standings) > 1]
+        return every
+    shared = [contest for contest in every if len(contest.standings) > 1]
     if not shared:
         raise BadInput("the sweeps have no cell in common, so that nothing can be compared")
     return shared
@@ -166,12 +166,12 @@ def default_by(sweeps: Sequence[Sweep]) -> tuple[str, ...]:
     return next(((axis.name,) for axis in axes if axis.numbers is None), tuple(axis.name for axis in axes[:1]))
 
 
-def _contest(where: Mapping[str, str], those: Mapping[str, Entry], confidence: float, rather_large: bool) -> Contest:
-    intervals = {label: mean_interval(list(entry.values.values()), confidence) for label, entry in those.items()}
-    seeds = sorted({seed for entry in those.values() for seed in entry.values})
-    ranked, *of_halves = (_ranked(those, some, rather_large) for some in (seeds, seeds[::2], seeds[1::2]))
+def _contest(where: Mapping[str, str], rivals: Mapping[str, Entry], confidence: float, rather_large: bool) -> Contest:
+    intervals = {label: mean_interval(list(entry.values.values()), confidence) for label, entry in rivals.items()}
+    seeds = sorted({seed for entry in rivals.values() for seed in entry.values})
+    ranked, *of_halves = (_ranked(rivals, some, rather_large) for some in (seeds, seeds[::2], seeds[1::2]))
     pairs = list(combinations(range(len(ranked)), 2))
-    tests = [paired_test(those[ranked[i]].values, those[ranked[j]].values) for i, j in pairs]
+    tests = [paired_test(rivals[ranked[i]].values, rivals[ranked[j]].values) for i, j in pairs]
     ps = dict(zip(pairs, holm([test.p for test in tests]), strict=True))
     beaten: dict[int, list[int]] = {place: [] for place in range(len(ranked))}
     for (one, other), test in zip(pairs, tests, strict=True):
@@ -182,8 +182,8 @@ def _contest(where: Mapping[str, str], those: Mapping[str, Entry], confidence: f
         Standing(
             label,
             intervals[label],
-            those[label].runs,
-            _behind(those[ranked[0]].values, those[label].values) if place else math.nan,
+            rivals[label].runs,
+            _behind(rivals[ranked[0]].values, rivals[label].values) if place else math.nan,
             ps.get((0, place), math.nan),
             tuple(sorted(beaten[place])),
             (of_halves[0].index(label), of_halves[1].index(label)),
@@ -193,15 +193,15 @@ def _contest(where: Mapping[str, str], those: Mapping[str, Entry], confidence: f
     return Contest(where, tuple(standings))
 
 
-def _ranked(those: Mapping[str, Entry], seeds: Sequence[int], rather_large: bool) -> list[str]:
+def _ranked(rivals: Mapping[str, Entry], seeds: Sequence[int], rather_large: bool) -> list[str]:
     """The contestants by their mean over some seeds, the best first, those without a value last."""
 
     def order(label: str) -> tuple[bool, float]:
-        values = [those[label].values[seed] for seed in seeds if seed in those[label].values]
+        values = [rivals[label].values[seed] for seed in seeds if seed in rivals[label].values]
         mean = math.fsum(values) / len(values) if values else math.nan
         return math.isnan(mean), -mean if rather_large else mean
 
-    return sorted(those, key=order)
+    return sorted(rivals, key=order)
 
 
 def _behind(best: Mapping[int, float], other: Mapping[int, float]) -> float:

@@ -168,10 +168,10 @@ def _curves(chart: Chart, figure: Figure) -> None:
         found = chart.intervals(chart.measure, where)
         means += [one.mean for _, one in found]
         for label, (colour, dashes, marker) in _looks(by.labels if by else ("",)).items():
-            mine = sorted(
+            intervals = sorted(
                 (position[place[axis.name]], one) for place, one in found if by is None or place[by.name] == label
             )
-            xs, ones = [x for x, _ in mine], [one for _, one in mine]
+            xs, ones = [x for x, _ in intervals], [one for _, one in intervals]
             (lines[label],) = panel.plot(
                 xs, [one.mean for one in ones], color=colour, linestyle=dashes, marker=marker, markersize=3
             )
@@ -230,8 +230,8 @@ def _pareto(chart: Chart, figure: Figure) -> None:
     """Error against bytes of what agents can be made to do, a panel for each setting, and the front of each."""
     settings = chart.settings()
     choices = [axis for axis in (chart.by, chart.across, *chart.sweep.plan.axes) if axis and axis.name not in settings]
-    told = choices[0] if choices else None
-    looks = _looks(told.labels if told else ("",))
+    coloured = choices[0] if choices else None
+    looks = _looks(coloured.labels if coloured else ("",))
     seen: dict[str, Any] = {}
     errors: list[float] = []
     for where, panel in _grid(chart.panels(settings), figure):
@@ -242,11 +242,14 @@ def _pareto(chart: Chart, figure: Figure) -> None:
         points = [point for point in points if math.isfinite(point[2].mean)]
         errors += [one.mean for _, _, one in points]
         for label, (colour, _, marker) in looks.items():
-            mine = [(cost, one) for cost, place, one in points if told is None or place[told.name] == label]
+            own = [(cost, one) for cost, place, one in points if coloured is None or place[coloured.name] == label]
             seen[label] = panel.errorbar(
-                [cost for cost, _ in mine],
-                [one.mean for _, one in mine],
-                yerr=[[one.mean - one.low for _, one in mine], [one.high - one.mean for _, one in mine]],
+                [cost for cost, _ in own],
+                [one.mean for _, one in own],
+                yerr=[
+                    [one.mean - one.low for _, one in own],
+                    [one.high - one.mean for _, one in own],
+                ],
                 color=colour,
                 marker=marker,
                 markersize=4,
@@ -257,8 +260,8 @@ def _pareto(chart: Chart, figure: Figure) -> None:
         panel.plot([x for x, _ in front], [y for _, y in front], color=BLACK, linewidth=0.6, drawstyle="steps-post")
         panel.set_xlabel("payload (B per agent and s)")
     _finish(figure, chart.measure, errors)
-    if told:
-        _legend(figure, seen, told.name)
+    if coloured:
+        _legend(figure, seen, coloured.name)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

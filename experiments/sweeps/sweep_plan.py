@@ -177,11 +177,11 @@ def plan_sweep(
             one = _valid(read_any(scenario, [*overrides, *cell.overrides]))
         except BadInput as error:
             raise BadInput(_of_cell(str(error), axes, labels)) from error
-        written = resolved_yaml(one.scenario)
+        text = resolved_yaml(one.scenario)
         kinds = {agent.kind for agent in one.plan.agents}
         modules |= {code.__module__ for kind in kinds for code in (find(kind), evaluation_class(kind))}
-        modules |= set(_IMPORT_STRING.findall(written))
-        swept.append(SweptCell(labels, written, pairing(one.plan)))
+        modules |= set(_IMPORT_STRING.findall(text))
+        swept.append(SweptCell(labels, text, pairing(one.plan)))
         loaded.append(one)
     of_axes = tuple(map(_swept_axis, spanned(axes, cells)))
     return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(modules), tuple(loaded))

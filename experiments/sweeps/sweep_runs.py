@@ -57,8 +57,8 @@ def run_job(job: Job) -> Values:
 def measure(record: Record) -> Values:
     """The numbers of a run."""
     metrics = compute_metrics(record)
-    told = {f"findings.{one.name}": one.value for one in metrics.findings}
-    found = {**dict(_of_quantities(metrics)), **dict(_of_links(record, metrics)), **told}
+    findings = {f"findings.{one.name}": one.value for one in metrics.findings}
+    found = {**dict(_of_quantities(metrics)), **dict(_of_links(record, metrics)), **findings}
     for quantity in record.evaluated.compared():
         if not all(np.isfinite(series.value).all() for series in record.estimates(quantity).values()):
             found.update({name: math.inf for name in found if name.startswith(f"{quantity}.")})
@@ -86,8 +86,8 @@ def _execute(job: Job, folder: Path) -> Outcome:
 def _over_zenoh(job: Job, folder: Path) -> None:
     """The run by a supervisor in a process of its own, as workers of some pools may start no processes by fork."""
     command = [sys.executable, "-m", __spec__.name, str(folder)]
-    told = json.dumps(job._asdict())
-    done = subprocess.run(command, input=told, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+    job_text = json.dumps(job._asdict())
+    done = subprocess.run(command, input=job_text, capture_output=True, text=True, check=False)  # noqa: S603 - our own
     if done.returncode:
         raise RunFailed(done.stderr.strip())
 

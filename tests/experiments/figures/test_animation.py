@@ -288,7 +288,7 @@ def test_film_has_a_picture_for_each_instant(surveyed: Make, tmp_path: Path) -> 
         per_second=5.0,
         speed=0.5,
         film="gif",
-        told=lambda *done: told.append(done),
+        progress=lambda *done: told.append(done),
     )
     assert told == [(number, 7) for number in range(1, 8)]
     assert path == tmp_path / "animation.gif"
