@@ -39,7 +39,8 @@ def build_graph(spec: Mapping[str, Any], seed: int) -> nx.Graph:
     """The graph of a `topology:` mapping that does not change."""
     settings = read(Topology, spec, "topology")
     with _below(f"topology.{GRAPHS.name_of(type(settings))}"):
-        return settings.build(seed)
+        graph: nx.Graph = settings.topology(seed)
+        return graph
 
 
 def build_over_time(spec: Mapping[str, Any], seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:

@@ -11,8 +11,10 @@ from .colouring import node_colouring
 from .fastest_mixing import fastest_mixing
 from .files import read
 from .formations import Formation, formation_state
+from .graph_settings import GraphSettings
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
+from .own_graphs import link_attributes, topology_of
 from .presence import Edge, Span, TimedGraph, disconnected, edges_at, mean_connectivity, mean_laplacian
 from .random_graphs import erdos_renyi, geometric, proximity, small_world
 from .regular import complete, grid, line, ring, star
@@ -31,6 +33,7 @@ __all__ = [
     "MODULE_SPACING",
     "Edge",
     "Formation",
+    "GraphSettings",
     "Position",
     "Span",
     "TimedGraph",
@@ -57,6 +60,7 @@ __all__ = [
     "laplacian",
     "laplacian_spectrum",
     "line",
+    "link_attributes",
     "maximum_degree",
     "mean_connectivity",
     "mean_laplacian",
@@ -75,6 +79,7 @@ __all__ = [
     "sixteen_module_array",
     "small_world",
     "star",
+    "topology_of",
     "validate",
     "weight_matrix",
 ]

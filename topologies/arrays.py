@@ -7,13 +7,12 @@ shifted so that the centroid of the array is the origin.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import networkx as nx
 
 from ..errors import BadInput
 from ..randomness import stream
-from ..units import check_above_zero
+from ..units import BareMetres, check_above_zero
 from .bounds import at_least
 from .graphs import from_edges
 from .regular import centred
@@ -29,9 +28,12 @@ _SIXTEEN: tuple[Cell, ...] = (
 )  # fmt: skip
 
 
-def hexagonal(cells: Sequence[Cell], spacing: float = MODULE_SPACING) -> nx.Graph:
-    """Array with module "1" on the first cell, "2" on the second and so on; spacing of the centres in metres.
+def hexagonal(cells: tuple[Cell, ...], spacing: BareMetres = MODULE_SPACING) -> nx.Graph:
+    """An array of flying-array modules on given cells, module 1 on the first cell, 2 on the second and so on.
 
+    Args:
+        cells: axial coordinates, as in [[0, 0], [1, 0]].
+        spacing: distance of the centres of neighbours.
     Raises:
         BadInput: a repeated cell, modules that touch no other, fewer than 2 cells, or a spacing that is not positive.
     """
@@ -63,7 +65,7 @@ def random_hexagonal(count: int, seed: int, spacing: float = MODULE_SPACING) -> 
         chosen = candidates[int(draws.uniform(index) * len(candidates))]
         cells.append(chosen)
         free = (free | set(_around(chosen))) - set(cells)
-    return hexagonal(cells, spacing)
+    return hexagonal(tuple(cells), spacing)
 
 
 def four_module_array(spacing: float = MODULE_SPACING) -> nx.Graph:

@@ -1,21 +1,26 @@
-"""Settings of graphs in a scenario; each builds its graph."""
+"""Settings of graphs in a scenario; each builds its graph. Parameters of functions that return a graph are settings."""
 
 from __future__ import annotations
 
+import inspect
+import traceback
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass, replace
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 import networkx as nx
 
 from ..errors import BadInput
 from ..kinds import Kinds
-from ..units import BareMetres, Count, Nanoseconds, Probability
-from .arrays import MODULE_SPACING, Cell, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
+from ..randomness import keyed_seed
+from ..units import BareMetres, Count, Nanoseconds, OneOrMany
+from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagonal, sixteen_module_array
 from .files import read
 from .graphs import Position, from_edges
 from .naming import check_name
+from .own_graphs import IN_FILE, topology_of
 from .presence import Edge, Places, Span, TimedGraph, timed
 from .random_graphs import erdos_renyi, geometric, small_world
 from .regular import complete, grid, line, ring, star
@@ -27,17 +32,40 @@ _FIXED_ARRAYS = {4: four_module_array, 16: sixteen_module_array}
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """Settings of a graph; `plain`: number of first fields that the value of the kind's name gives, as in `ring: 6`."""
+    """Settings of a graph; `plain`: number of first fields that the value of the kind's name gives, as in `ring: 6`.
+
+    A class of one's own derives from this one and is a frozen dataclass with `build`, or with `over_time` if the graph
+    changes.
+    """
 
     plain: ClassVar[int] = 1
 
     @abstractmethod
     def build(self, seed: int) -> nx.Graph:
-        """Build the graph; `seed` is that of the run, for random graphs without a seed.
+        """Build the graph, with names and attributes as `topology_of` reads them; `seed` is that of the run.
 
         Raises:
-            BadInput: the generator refuses the settings.
+            BadInput: the settings are refused.
         """
+
+    def topology(self, seed: int) -> nx.Graph:
+        """Build the graph as a validated topology.
+
+        Raises:
+            BadInput: `build` refuses the settings or fails, or its graph is no topology.
+        """
+        name = f"{type(self).__module__}:{type(self).__qualname__}"
+        try:
+            graph = self.build(seed)
+        except BadInput:
+            raise
+        except Exception as error:
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            text = f"{name} failed in line {at.lineno} of {at.filename}"
+            raise BadInput(f"{text}: {type(error).__name__}: {error}") from error
+        if not isinstance(graph, nx.Graph):
+            raise BadInput(f"{name} returned {graph!r:.60}: return a networkx graph")
+        return topology_of(graph)
 
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
         """Build the graph over the time [0, until_ns).
@@ -47,95 +75,66 @@ class GraphSettings:
             until_ns: end of the run.
             places: positions of moving agents.
         Raises:
-            BadInput: as `build`, with the place relative to these settings.
+            BadInput: as `topology`, with the place relative to these settings.
         """
-        return TimedGraph(self.build(seed))
+        return TimedGraph(self.topology(seed))
 
     def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
         """These settings without what starts at `until_ns` or later, and place and start of each part left out."""
         return self, []
 
 
-@dataclass(frozen=True)
-class Line(GraphSettings):
-    """Each agent linked to the next.
+# -- functions --------------------------------------------------------------------------------------------------------
 
-    count: number of agents.
-    spacing: distance of neighbours on the line.
+
+def generated(function: Callable[..., nx.Graph], plain: int = 1) -> Any:
+    """Settings with the parameters of a generator of this package; `plain` as in `GraphSettings`."""
+    return _settings_of(function, plain, lambda seed: seed)
+
+
+@cache
+def own(function: Callable[..., nx.Graph]) -> Any:
+    """Settings with the parameters of a function of a user's own that returns a networkx graph.
+
+    Annotations give types and units; a parameter without one takes any plain value. `seed` is what the settings say,
+    else a number of 32 bits that follows from the seed of the run and the function's name.
     """
-
-    count: Count
-    spacing: BareMetres = 1.0
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `line`."""
-        return line(self.count, self.spacing)
+    name = f"{function.__module__}:{function.__qualname__}"
+    return _settings_of(function, 1, lambda seed: keyed_seed(seed, "topology", name))
 
 
-@dataclass(frozen=True)
-class Ring(GraphSettings):
-    """Each agent linked to the next and the last to the first.
+def _settings_of(function: Callable[..., nx.Graph], plain: int, seed_of: Callable[[int], int]) -> Any:
+    hints = get_type_hints(inspect.unwrap(function), include_extras=True)
+    listed = inspect.signature(function).parameters.values()
+    parameters = [each for each in listed if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)]
 
-    count: number of agents, at least 3.
-    spacing: length of the sides of the regular polygon.
-    """
+    def build(settings: Any, seed: int) -> nx.Graph:
+        values = {each.name: getattr(settings, each.name) for each in parameters}
+        if "seed" in values and values["seed"] is None:
+            values["seed"] = seed_of(seed)
+        return function(**values)
 
-    count: Count
-    spacing: BareMetres = 1.0
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `ring`."""
-        return ring(self.count, self.spacing)
-
-
-@dataclass(frozen=True)
-class Star(GraphSettings):
-    """Agent 1 linked to all others.
-
-    count: number of agents.
-    spacing: distance of the others from agent 1.
-    """
-
-    count: Count
-    spacing: BareMetres = 1.0
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `star`."""
-        return star(self.count, self.spacing)
+    made = make_dataclass(
+        function.__name__,
+        [_field(each, hints.get(each.name, Any)) for each in parameters],
+        bases=(GraphSettings,),
+        namespace={"build": build, "plain": plain, "__doc__": function.__doc__ or ""},
+        frozen=True,
+        kw_only=True,
+    )
+    made.__module__, made.__qualname__ = function.__module__, function.__qualname__
+    return made
 
 
-@dataclass(frozen=True)
-class Complete(GraphSettings):
-    """Every agent linked to every other, without positions.
-
-    count: number of agents.
-    """
-
-    count: Count
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `complete`."""
-        return complete(self.count)
+def _field(parameter: inspect.Parameter, hint: Any) -> tuple[str, Any, Any]:
+    if parameter.name == "seed":
+        return "seed", int | None, field(default=None)
+    if parameter.default is parameter.empty:
+        return parameter.name, hint, field()
+    return parameter.name, hint, field(default_factory=lambda: parameter.default)
 
 
-@dataclass(frozen=True)
-class Grid(GraphSettings):
-    """A square grid, numbered row by row.
-
-    rows: number of rows.
-    columns: number of columns.
-    spacing: distance of neighbours.
-    """
-
-    plain: ClassVar[int] = 2
-
-    rows: Count
-    columns: Count
-    spacing: BareMetres = 1.0
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `grid`."""
-        return grid(self.rows, self.columns, self.spacing)
+# -- graphs that are written down -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -159,91 +158,53 @@ class Hexagonal(GraphSettings):
 
 
 @dataclass(frozen=True)
-class Cells(GraphSettings):
-    """An array of flying-array modules on given cells.
-
-    cells: axial coordinates, as in [[0, 0], [1, 0]].
-    spacing: distance of the centres of neighbours.
-    """
-
-    cells: tuple[Cell, ...]
-    spacing: BareMetres = MODULE_SPACING
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `hexagonal`."""
-        return hexagonal(self.cells, self.spacing)
-
-
-@dataclass(frozen=True)
-class Geometric(GraphSettings):
-    """Agents at random positions in a square, linked if they are near each other.
-
-    count: number of agents.
-    radius: largest distance of linked agents.
-    seed: seed of the positions; by default that of the run.
-    side: side of the square.
-    """
-
-    count: Count
-    radius: BareMetres
-    seed: int | None = None
-    side: BareMetres = 1.0
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `geometric`."""
-        return geometric(self.count, self.radius, seed if self.seed is None else self.seed, self.side)
-
-
-@dataclass(frozen=True)
-class ErdosRenyi(GraphSettings):
-    """Every pair of agents linked with the same probability.
-
-    count: number of agents.
-    probability: probability of each link.
-    seed: seed of the links; by default that of the run.
-    """
-
-    count: Count
-    probability: Probability
-    seed: int | None = None
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `erdos_renyi`."""
-        return erdos_renyi(self.count, self.probability, seed if self.seed is None else self.seed)
-
-
-@dataclass(frozen=True)
-class SmallWorld(GraphSettings):
-    """A ring with links to the nearest agents, some of them rewired (Watts and Strogatz).
-
-    count: number of agents.
-    neighbours: number of neighbours of each agent before rewiring, even.
-    rewiring: probability that a link is rewired.
-    seed: seed of the links; by default that of the run.
-    """
-
-    count: Count
-    neighbours: int
-    rewiring: Probability
-    seed: int | None = None
-
-    def build(self, seed: int) -> nx.Graph:
-        """As `small_world`."""
-        return small_world(self.count, self.neighbours, self.rewiring, seed if self.seed is None else self.seed)
-
-
-@dataclass(frozen=True)
 class FromFile(GraphSettings):
-    """A graph from a file.
+    """A graph from a file; what its edges say are settings of the links.
 
     path: a GraphML, edge-list or JSON file.
+    names: attribute of the nodes that gives the names of agents, or id; characters that no name has become _.
+    merge: whether parallel edges, and edges of which there is one direction only, stand for one edge.
+    component: largest takes the largest connected part.
+    attributes: attribute of the edges → setting of links and, for plain numbers, unit, as in {delay: latency ms}.
+    ignore: attributes of the edges that are no settings.
     """
 
     path: str
+    names: str | None = None
+    merge: bool = False
+    component: Literal["largest"] | None = None
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    ignore: Annotated[tuple[str, ...], OneOrMany()] = ()
 
     def build(self, seed: int) -> nx.Graph:
-        """As `read`."""
-        return read(self.path)
+        """Read the file; attributes have the names of settings."""
+        graph = read(self.path)
+        found: set[str] = set()
+        for source, target, data in graph.edges(data=True):
+            found |= data.keys()
+            for name in self.ignore:
+                data.pop(name, None)
+            for name in data.keys() & self.attributes.keys():
+                setting, _, unit = self.attributes[name].partition(" ")
+                if setting in data.keys() - {name}:
+                    raise BadInput(f"{self.path}: the edge {source}-{target} has {setting} and {name}: ignore one")
+                value = data.pop(name)
+                data[setting] = f"{value} {unit}" if unit else value
+        if unused := self.attributes.keys() - found:
+            raise BadInput(f"{self.path}: no edge has the attribute {min(unused)!r}: they have {_listed(found)}")
+        return graph
+
+    def topology(self, seed: int) -> nx.Graph:
+        """Read the file as a validated topology."""
+        graph = self.build(seed)
+        try:
+            return topology_of(graph, self.names, merge=self.merge, component=self.component, remedies=IN_FILE)
+        except BadInput as error:
+            raise BadInput(f"{self.path}: {error}") from error
+
+
+def _listed(names: set[str]) -> str:
+    return ", ".join(sorted(names)) or "none"
 
 
 Spans = Literal["always"] | tuple[tuple[Nanoseconds, Nanoseconds] | tuple[Nanoseconds], ...]
@@ -255,15 +216,17 @@ class Edges(GraphSettings):
 
     edges: a list as in [1-2, 2-3], or edges with the time spans in which they are present, as in
         {1-2: always, 2-3: [[0 s, 2 s], [5 s]]}; a span without an end lasts until the end of the run.
+    positions: where each agent is, two or three lengths, as in {1: [0 m, 0 m], 2: [1 m, 0 m]}.
     """
 
     edges: tuple[str, ...] | Mapping[str, Spans]
+    positions: Mapping[str, tuple[BareMetres, ...]] | None = None
 
     def build(self, seed: int) -> nx.Graph:
         """Build the graph of a list of edges."""
         if isinstance(self.edges, Mapping):
             raise BadInput("edges with spans are a graph that changes, and cannot stand here: write a list of edges")
-        return from_edges(self.listed())
+        return from_edges(self.listed(), positions=self.positions)
 
     def listed(self) -> list[Edge]:
         """All edges as pairs of names."""
@@ -272,14 +235,14 @@ class Edges(GraphSettings):
     def over_time(self, seed: int, until_ns: int, places: Places | None = None) -> TimedGraph:
         """Build the graph with the time spans of its edges, if given."""
         if not isinstance(self.edges, Mapping):
-            return TimedGraph(self.build(seed))
+            return super().over_time(seed, until_ns, places)
         spans: dict[Edge, list[Span]] = {}
         for word, its in self.edges.items():
             ends = edge(word)
             if ends in spans or ends[::-1] in spans:
                 raise BadInput(f"{word!r} is written twice: keep one, it carries both directions", (word,))
             spans[ends] = [(0, until_ns)] if isinstance(its, str) else _spans(its, word, until_ns)
-        return over_whole_run(spans, until_ns)
+        return over_whole_run(spans, until_ns, places=self.positions)
 
     def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
         """Leave out the spans that start too late, and edges that have no other."""
@@ -359,19 +322,22 @@ def seconds(time_ns: int) -> str:
 FIXED = Kinds(
     "kind",
     {
-        "line": Line,
-        "ring": Ring,
-        "star": Star,
-        "complete": Complete,
-        "grid": Grid,
+        "line": generated(line),
+        "ring": generated(ring),
+        "star": generated(star),
+        "complete": generated(complete),
+        "grid": generated(grid, plain=2),
         "hexagonal": Hexagonal,
-        "cells": Cells,
-        "geometric": Geometric,
-        "erdos-renyi": ErdosRenyi,
-        "small-world": SmallWorld,
+        "cells": generated(hexagonal),
+        "geometric": generated(geometric),
+        "erdos-renyi": generated(erdos_renyi),
+        "small-world": generated(small_world),
         "edges": Edges,
         "file": FromFile,
     },
     tag="beside",
+    entry_points="volery.topologies",
+    base=GraphSettings,
+    of_function=own,
 )
 """Kinds of graphs that do not change over time, except edges with time spans."""

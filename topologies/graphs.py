@@ -81,9 +81,18 @@ def from_edges(
     return validate(raw)
 
 
-def validate(graph: nx.Graph) -> nx.Graph:
+def validate(
+    graph: nx.Graph,
+    *,
+    parallel: str = "keep one, it carries both directions",
+    apart: str = "link the parts",
+) -> nx.Graph:
     """Validate a networkx graph, and return a copy: agents and edges in natural order, `position` of nodes in metres.
 
+    Args:
+        graph: undirected, with or without parallel edges.
+        parallel: what the error of an edge that is there twice proposes.
+        apart: what the error of a graph that is not connected proposes.
     Raises:
         BadInput: fewer than 2 agents, a directed or repeated edge, an edge of an agent to itself, an invalid name, a
             graph that is not connected, positions of only some agents, or not finite. The message names the offender.
@@ -94,8 +103,8 @@ def validate(graph: nx.Graph) -> nx.Graph:
         check_name(agent)
     if len(graph) < 2:
         raise BadInput(f"a topology of {len(graph)} agents is not a network: it needs at least 2")
-    _check_edges(graph)
-    _check_connected(graph)
+    _check_edges(graph, parallel)
+    _check_connected(graph, apart)
     clean = nx.Graph()
     clean.add_nodes_from(agents(graph))
     clean.add_edges_from(edges(graph))
@@ -103,24 +112,22 @@ def validate(graph: nx.Graph) -> nx.Graph:
     return clean
 
 
-def _check_edges(graph: nx.Graph) -> None:
+def _check_edges(graph: nx.Graph, remedy: str) -> None:
     seen: set[tuple[str, str]] = set()
     for edge in edges(graph):
         if edge[0] == edge[1]:
             raise BadInput(f"agent {edge[0]} has an edge to itself: remove the edge {edge[0]}-{edge[1]}")
         if edge in seen:
-            raise BadInput(
-                f"the edge {edge[0]}-{edge[1]} is there more than once: keep one, it carries both directions"
-            )
+            raise BadInput(f"the edge {edge[0]}-{edge[1]} is there more than once: {remedy}")
         seen.add(edge)
 
 
-def _check_connected(graph: nx.Graph) -> None:
+def _check_connected(graph: nx.Graph, remedy: str) -> None:
     first = agents(graph)[0]
     reached = nx.node_connected_component(graph, first)
     if len(reached) < len(graph):
         missing = _listed([agent for agent in agents(graph) if agent not in reached])
-        raise BadInput(f"the topology is not connected, there is no path from {first} to {missing}: link the parts")
+        raise BadInput(f"the topology is not connected, there is no path from {first} to {missing}: {remedy}")
 
 
 def _copy_positions(source: nx.Graph, target: nx.Graph) -> None:

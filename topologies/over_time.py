@@ -11,11 +11,11 @@ import networkx as nx
 import numpy as np
 
 from ..errors import BadInput
-from ..kinds import Kinds
 from ..units import Duration, Metres, Period, check_above_zero
 from .graph_settings import FIXED, Edges, GraphSettings, Place, check_instant, over_whole_run, seconds
-from .graphs import Position, agents, edges, positions
+from .graphs import edges, positions
 from .naming import natural_key
+from .own_graphs import with_link_attributes
 from .presence import Edge, Places, Span, TimedGraph, epochs
 
 _MOST_INSTANTS = 1_000_000
@@ -49,14 +49,15 @@ class Schedule(GraphSettings):
         """Build the union of all graphs, with the time spans of edges that are not in all."""
         self._check_begins(until_ns)
         graphs = [_graph(epoch, index, seed) for index, epoch in enumerate(self.schedule)]
-        everyone = sorted({name for _, names, _ in graphs for name in names}, key=natural_key)
-        for index, (epoch, (_, names, _)) in enumerate(zip(self.schedule, graphs, strict=True)):
-            missing = [name for name in everyone if name not in names]
+        everyone = sorted({name for graph in graphs for name in graph}, key=natural_key)
+        for index, (epoch, graph) in enumerate(zip(self.schedule, graphs, strict=True)):
+            missing = [name for name in everyone if name not in graph]
             if missing and not isinstance(epoch.graph, Edges):
                 text = f"agents {', '.join(missing)} of other epochs are not in this one"
                 raise BadInput(f"{text}: give all the same agents, or write its edges", (index,))
-        begun = [(epoch.from_, its) for epoch, (its, _, _) in zip(self.schedule, graphs, strict=True)]
-        return over_whole_run(epochs(begun, until_ns), until_ns, everyone, graphs[0][2])
+        begun = [(epoch.from_, edges(graph)) for epoch, graph in zip(self.schedule, graphs, strict=True)]
+        timed = over_whole_run(epochs(begun, until_ns), until_ns, everyone, positions(graphs[0]))
+        return replace(timed, union=with_link_attributes(timed.union, graphs))
 
     def shortened(self, until_ns: int) -> tuple[GraphSettings, list[tuple[Place, int]]]:
         """Leave out the graphs that start too late."""
@@ -79,16 +80,16 @@ class Schedule(GraphSettings):
                 raise BadInput(text, (index, "from"))
 
 
-def _graph(epoch: Epoch, index: int, seed: int) -> tuple[list[Edge], list[str], dict[str, Position]]:
-    """Edges, agents and positions of one graph of a schedule; a list of edges need not be connected."""
+def _graph(epoch: Epoch, index: int, seed: int) -> nx.Graph:
+    """Build one graph of a schedule; a list of edges need not be connected."""
     try:
         if isinstance(epoch.graph, Edges) and not isinstance(epoch.graph.edges, Mapping):
-            its = epoch.graph.listed()
-            return its, list(dict.fromkeys(name for ends in its for name in ends)), {}
-        graph = epoch.graph.build(seed)
+            graph = nx.Graph(epoch.graph.listed())
+            nx.set_node_attributes(graph, epoch.graph.positions or {}, "position")
+            return graph
+        return epoch.graph.topology(seed)
     except BadInput as error:
         raise BadInput(str(error), (index, FIXED.name_of(type(epoch.graph)))) from error
-    return edges(graph), agents(graph), positions(graph)
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,6 @@ class Proximity(GraphSettings):
         return names, found
 
 
-GRAPHS = Kinds("kind", {**FIXED.built_in, "schedule": Schedule, "proximity": Proximity}, tag="beside")
+GRAPHS = replace(FIXED, built_in={**FIXED.built_in, "schedule": Schedule, "proximity": Proximity})
 Topology = Annotated[GraphSettings, GRAPHS]
 """A scenario's `topology:`."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import BadInput
 from ..randomness import stream
-from ..units import check_above_zero
+from ..units import BareMetres, Count, Probability, check_above_zero
 from .bounds import at_least
 from .graphs import Position, validate
 from .naming import check_name, natural_key
@@ -21,9 +21,14 @@ from .regular import centred
 _TRIES = 100
 
 
-def geometric(count: int, radius: float, seed: int, side: float = 1.0) -> nx.Graph:
-    """Agents uniformly distributed in a square of `side` metres, linked if at most `radius` metres apart.
+def geometric(count: Count, radius: BareMetres, seed: int, side: BareMetres = 1.0) -> nx.Graph:
+    """Agents at random positions in a square, uniformly distributed, linked if they are near each other.
 
+    Args:
+        count: number of agents.
+        radius: largest distance of linked agents.
+        seed: seed of the positions; by default that of the run.
+        side: side of the square.
     Raises:
         BadInput: fewer than 2 agents, a length that is not positive, or no connected graph within the attempts.
     """
@@ -42,9 +47,13 @@ def geometric(count: int, radius: float, seed: int, side: float = 1.0) -> nx.Gra
     return _first_connected(draw, f"{count} agents within {side:g} m and a radius of {radius:g} m", "a larger radius")
 
 
-def erdos_renyi(count: int, probability: float, seed: int) -> nx.Graph:
+def erdos_renyi(count: Count, probability: Probability, seed: int) -> nx.Graph:
     """Every pair of agents linked with the same probability, independently: G(N, p) given that it is connected.
 
+    Args:
+        count: number of agents.
+        probability: probability of each link.
+        seed: seed of the links; by default that of the run.
     Raises:
         BadInput: fewer than 2 agents, a probability outside (0, 1], or no connected graph within the attempts.
     """
@@ -58,9 +67,14 @@ def erdos_renyi(count: int, probability: float, seed: int) -> nx.Graph:
     return _numbered(_first_connected(draw, f"{count} agents and probability {probability:g}", "a higher probability"))
 
 
-def small_world(count: int, neighbours: int, rewiring: float, seed: int) -> nx.Graph:
-    """Ring with links to the `neighbours` nearest agents, each rewired with probability `rewiring` (Watts–Strogatz).
+def small_world(count: Count, neighbours: int, rewiring: Probability, seed: int) -> nx.Graph:
+    """A ring with links to the nearest agents, some of them rewired (Watts and Strogatz).
 
+    Args:
+        count: number of agents.
+        neighbours: number of neighbours of each agent before rewiring, even.
+        rewiring: probability that a link is rewired.
+        seed: seed of the links; by default that of the run.
     Raises:
         BadInput: `neighbours` is odd, below 2 or not below the count; `rewiring` outside [0, 1]; no connected graph.
     """

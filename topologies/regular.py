@@ -6,23 +6,29 @@ import math
 
 import networkx as nx
 
-from ..units import check_above_zero
+from ..units import BareMetres, Count, check_above_zero
 from .bounds import at_least
 from .graphs import Position, from_edges
 
 
-def line(count: int, spacing: float = 1.0) -> nx.Graph:
-    """Each agent linked to the next, `spacing` metres apart on the x axis, centred on the origin.
+def line(count: Count, spacing: BareMetres = 1.0) -> nx.Graph:
+    """Each agent linked to the next, on the x axis, centred on the origin.
 
+    Args:
+        count: number of agents.
+        spacing: distance of neighbours on the line.
     Raises:
         BadInput: fewer than 2 agents, or a spacing that is not positive.
     """
     return grid(1, at_least(count, 2, "count"), spacing)
 
 
-def ring(count: int, spacing: float = 1.0) -> nx.Graph:
-    """Each agent linked to the next and the last to the first; a regular polygon with sides of `spacing` metres.
+def ring(count: Count, spacing: BareMetres = 1.0) -> nx.Graph:
+    """Each agent linked to the next and the last to the first, on a regular polygon.
 
+    Args:
+        count: number of agents, at least 3.
+        spacing: length of the sides of the regular polygon.
     Raises:
         BadInput: fewer than 3 agents, or a spacing that is not positive.
     """
@@ -31,9 +37,12 @@ def ring(count: int, spacing: float = 1.0) -> nx.Graph:
     return from_edges(_numbered(nx.cycle_graph(count)), positions=_circle(1, count, radius))
 
 
-def star(count: int, spacing: float = 1.0) -> nx.Graph:
-    """Agent "1" linked to all others, which are on a circle of radius `spacing` metres around it.
+def star(count: Count, spacing: BareMetres = 1.0) -> nx.Graph:
+    """Agent 1 linked to all others, which are on a circle around it.
 
+    Args:
+        count: number of agents.
+        spacing: distance of the others from agent 1.
     Raises:
         BadInput: fewer than 2 agents, or a spacing that is not positive.
     """
@@ -43,18 +52,24 @@ def star(count: int, spacing: float = 1.0) -> nx.Graph:
     return from_edges(_numbered(nx.star_graph(count - 1)), positions=centred({"1": (0.0, 0.0), **around}))
 
 
-def complete(count: int) -> nx.Graph:
+def complete(count: Count) -> nx.Graph:
     """Every agent linked to every other, without positions.
 
+    Args:
+        count: number of agents.
     Raises:
         BadInput: fewer than 2 agents.
     """
     return from_edges(_numbered(nx.complete_graph(at_least(count, 2, "count"))))
 
 
-def grid(rows: int, columns: int, spacing: float = 1.0) -> nx.Graph:
-    """Square grid, numbered row by row; each agent is linked to its up to four neighbours at `spacing` metres.
+def grid(rows: Count, columns: Count, spacing: BareMetres = 1.0) -> nx.Graph:
+    """A square grid, numbered row by row; each agent is linked to its up to four neighbours.
 
+    Args:
+        rows: number of rows.
+        columns: number of columns.
+        spacing: distance of neighbours.
     Raises:
         BadInput: no row, no column, fewer than 2 agents, or a spacing that is not positive.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import networkx as nx
 
@@ -12,6 +13,7 @@ from ...agents.coupled_world import couple
 from ...agents.plan import AgentPlan, Coupled, Plan, World, moving
 from ...errors import BadInput
 from ...topologies import TimedGraph
+from ...topologies.graph_settings import FromFile, GraphSettings
 from ...topologies.over_time import GRAPHS, Proximity
 from ...topologies.presence import Places as GraphPlaces
 from ...transport.faults import Fault, LinkName
@@ -19,9 +21,11 @@ from ...transport.links import LinkSettings
 from ...worlds.moving.moving_settings import MovingSettings
 from ..evaluation.evaluation import evaluation_class
 from .consistency import inconsistencies
+from .edge_settings import IN_FILE, IN_PYTHON, edge_settings
 from .expansion import expand
 from .fault_conflicts import conflicts
 from .fault_places import Places, changed_links, group_problems, parse_agents
+from .link_schema import LinkOverride
 from .schema import AgentKind, Scenario
 from .slots import radio_slots
 from .yaml_document import Problem
@@ -48,8 +52,9 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
     except _Refused as refused:
         return None, [refused.problem]
     places = Places(topologies.edges(timed.union), scenario.groups, scenario.seed, world)
+    of_edges = _edge_settings(scenario.topology, timed.union, problems)
     problems.extend(Problem(("groups", name), text) for name, text in group_problems(scenario.groups, places.agents))
-    links = _links(scenario, places, problems)
+    links = _links(scenario, of_edges, places, problems)
     faults = _faults(scenario, places, problems)
     problems.extend(of_world)
     plan = Plan(
@@ -141,8 +146,27 @@ def _agents(graph: nx.Graph, kinds: Mapping[str, AgentKind], *, placed: bool) ->
     )
 
 
-def _links(scenario: Scenario, places: Places, problems: list[Problem]) -> dict[LinkName, LinkSettings]:
+def _edge_settings(topology: GraphSettings, graph: nx.Graph, problems: list[Problem]) -> list[LinkOverride]:
+    path = Path(topology.path) if isinstance(topology, FromFile) else None
+    try:
+        return edge_settings(graph, IN_FILE if path else IN_PYTHON, path.parent if path else Path.cwd())
+    except BadInput as error:
+        problems.append(Problem(("topology", GRAPHS.name_of(type(topology))), f"{f'{path}: ' if path else ''}{error}"))
+        return []
+
+
+def _links(
+    scenario: Scenario, of_edges: list[LinkOverride], places: Places, problems: list[Problem]
+) -> dict[LinkName, LinkSettings]:
+    """The settings of each link: those of all, changed by what edges of the graph say, changed by entries of `only`."""
     links = dict.fromkeys(places.links, scenario.links.base)
+    for entry in of_edges:
+        try:
+            changed = changed_links(entry.where, entry.changes, places)
+        except BadInput as error:
+            problems.append(Problem(("topology",), str(error)))
+            continue
+        links.update({link: replace(links[link], **entry.changes) for link in changed})
     for index, override in enumerate(scenario.links.only):
         if not override.changes:
             text = "says where, and nothing that differs there: write for example loss: 0.3, or leave it out"

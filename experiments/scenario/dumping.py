@@ -60,7 +60,7 @@ def settings(value: Any, owner: Unit | None = None) -> dict[str, Any]:
 def _of_kind(value: Any, kinds: Kinds, owner: Unit | None) -> Any:
     name = kinds.name_of(type(value))
     body = settings(value, owner)
-    if kinds.tag == "kind":
+    if kinds.tag == "kind" or ":" in name:
         return {"kind": name, **body}
     if name == kinds.scalar and len(body) == 1:
         return next(iter(body.values()))

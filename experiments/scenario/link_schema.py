@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache, partial
 from types import GenericAlias
 from typing import Annotated, Any, get_type_hints
@@ -19,6 +19,7 @@ from .presets import PRESET, PresetName, with_preset
 from .settings_reading import STRICT, Reader, any_of, given, model_fields, typed, validated
 
 _PRESET: Any = (PresetName, Field(default=None, alias=PRESET, title=PRESET, description="links of well-known hardware"))
+LINK_FIELDS = tuple(field.name for field in fields(LinkSettings))
 
 
 def _partial_model(cls: type[Any], json_schema: dict[str, Any] | None = None) -> type[BaseModel]:

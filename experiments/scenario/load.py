@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,12 +61,13 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
     _reach(Path.cwd(), folder)
     document = read_document(text, label, overrides)
     document.data.setdefault("name", name)
-    overridden = any(path[:2] in {("topology",), ("topology", "file")} for path in document.overrides)
-    files = _anchor_all(document.data.get("topology"), Path.cwd() if overridden else folder)
+
+    def folder_of(place: Loc) -> Path:
+        return Path.cwd() if document.is_overridden(place) else folder
+
+    files = list(_graph_files(document.data.get("topology"), folder_of))
     for field in ("links", "faults"):
-        files += anchor(
-            document.data.get(field), lambda place: Path.cwd() if document.is_overridden(place) else folder, (field,)
-        )
+        files += anchor(document.data.get(field), folder_of, (field,))
     try:
         scenario: Scenario = validated(Scenario, document.data)
     except ValidationError as error:
@@ -99,19 +100,16 @@ def _reach(*folders: Path) -> None:
     sys.path.extend(place for place in map(str, folders) if place not in sys.path)
 
 
-def _anchor_all(topology: Any, folder: Path) -> list[Path]:
-    """Anchor the graph, or every graph of a schedule; the paths."""
+def _graph_files(topology: Any, folder_of: Callable[[Loc], Path]) -> Iterator[Path]:
+    """Make the paths of graph files absolute, so that they mean the same wherever they are read; the paths."""
     schedule = topology.get("schedule") if isinstance(topology, dict) else None
-    return [
-        path for graph in (schedule if isinstance(schedule, list) else [topology]) for path in _anchor(graph, folder)
-    ]
-
-
-def _anchor(topology: Any, folder: Path) -> Iterator[Path]:
-    """Make the path of a graph's file absolute, so that the scenario means the same wherever it is read."""
-    if isinstance(topology, dict):
-        place, key = (topology["file"], "path") if isinstance(topology.get("file"), dict) else (topology, "file")
-        if isinstance(place.get(key), str):
-            path = folder / Path(place[key]).expanduser()
-            place[key] = str(path)
-            yield path
+    graphs = schedule if isinstance(schedule, list) else [topology]
+    for index, graph in enumerate(graphs):
+        place: Loc = ("topology", "schedule", index) if graph is not topology else ("topology",)
+        if isinstance(graph, dict) and "file" in graph:
+            below = isinstance(graph["file"], dict)
+            node, key = (graph["file"], "path") if below else (graph, "file")
+            if isinstance(node.get(key), str):
+                path = folder_of((*place, "file", "path") if below else (*place, "file")) / Path(node[key]).expanduser()
+                node[key] = str(path)
+                yield path

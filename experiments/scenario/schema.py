@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache, partial
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, TypeAdapter, create_model
+from pydantic import TypeAdapter
 from ruamel.yaml import YAML
 
 from ...agents.plan import MILLISECOND_NS
@@ -29,6 +29,7 @@ from .settings_reading import (
     given,
     model_fields,
     model_of,
+    own_kind,
     read_fields,
     read_model,
     tagged,
@@ -37,7 +38,6 @@ from .settings_reading import (
 from .timeline import FaultEntry
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_OWN_CLASS = r"^[^:]+:[^:]+$"
 
 
 def _not_negative(compute_ns: int) -> int:
@@ -101,10 +101,7 @@ def _read_agents(made: Any, beside: Any, value: Any) -> Any:
 def _agents_text(beside: Any) -> Any:
     """Every kind with its fields; one of a user's own class may have any."""
     shapes = [model_of(AGENTS.find(name).Parameters, tag=name, beside=beside) for name in AGENTS.names()]
-    own_kind: Any = (Annotated[str, Field(pattern=_OWN_CLASS)], Field(alias=TAG, title=TAG, description="module:Class"))
-    anything = ConfigDict(extra="allow", strict=True, frozen=True, protected_namespaces=())
-    own = create_model("OwnClass", __config__=anything, kind=own_kind, **model_fields(beside))
-    return any_of([*shapes, own])
+    return any_of([*shapes, own_kind(**model_fields(beside))])
 
 
 def _dumped_kind(beside: Any, agents: AgentKind) -> dict[str, Any]:

@@ -434,6 +434,10 @@ def _tags(kinds: Kinds, unit: Unit | None) -> Any:
 
 def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     known = kinds.names()
+    if kinds.entry_points and TAG in _mapping(value):
+        if str(name := value[TAG]) in known:
+            raise BadInput(f"kind is for code of your own: write {name} itself, as in {{{name}: …}}", (TAG,))
+        return _by_kind(kinds, unit, value)
     found = [key for key in _mapping(value) if key in known]
     if not found:
         unknown = next(iter(value), None)
@@ -443,7 +447,7 @@ def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
         raise BadInput(f"{' and '.join(found)} each name a kind: keep one")
     name, cls = found[0], kinds.find(found[0])
     body, beside = value[name], [key for key in value if key != name]
-    if not isinstance(body, dict) or (list(read_fields(cls)) == [name] and list(body) != [name]):
+    if not isinstance(body, dict) or (name in read_fields(cls) and name not in body):
         return _of_flat(cls, read_model(flat_model(cls, name), value))
     if beside:
         text = f"{', '.join(beside)} beside {name}: move it into the mapping of {name}"
@@ -478,7 +482,14 @@ def _names_and_beside(kinds: Kinds, unit: Unit | None, others: Mapping[str, Any]
         if list(read_fields(cls)) != [name]:
             below = (typed(cls, unit), Field(alias=name, title=name, description=summary(cls)))
             shapes.append(create_model(f"{cls.__name__}Below", __config__=STRICT, value=below, **others))
-    return any_of(shapes)
+    return any_of([*shapes, *([own_kind(**others)] if kinds.entry_points else [])])
+
+
+def own_kind(**others: Any) -> Any:
+    """Source of a kind of a user's own: its import string, and any fields."""
+    tag: Any = (Annotated[str, Field(pattern=r"^[^:]+:[^:]+$")], Field(alias=TAG, title=TAG, description="module:Name"))
+    anything = ConfigDict(**{**STRICT, "extra": "allow"})
+    return create_model("OwnKind", __config__=anything, kind=tag, **others)
 
 
 _NOTATIONS: Mapping[str, tuple[Callable[..., Any], Callable[..., Any]]] = {

@@ -12,14 +12,13 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, SequenceNode
 
 from ...errors import BadInput
+from ...topologies.over_time import GRAPHS
 
 Loc = tuple[str | int, ...]
 """Where a value stands: keys and indices from the top."""
 
 _CHOICES = {"loss", "corruption", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
 """Fields in which one key chooses a model: to set another key there is to choose another model."""
-_BESIDE_A_CHOICE = {"spacing", "seed", "radius", "side", "probability", "neighbours", "rewiring"}
-"""Fields that may stand beside such a key and choose nothing."""
 
 
 class Problem(NamedTuple):
@@ -220,7 +219,7 @@ def assign(
 
 
 def _chooses(name: str, key: str) -> bool:
-    return name in _CHOICES and key not in _BESIDE_A_CHOICE
+    return name in _CHOICES and (name != "topology" or key in (*GRAPHS.names(), "kind"))
 
 
 def _new_from(node: Any, path: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Any, Literal
 
 from .errors import BadInput
-from .names import did_you_mean, imported_class
+from .names import did_you_mean, imported, subclass
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +22,7 @@ class Kinds:
     scalar: the kind that a bare quantity stands for, as the value of its first field.
     entry_points: group of entry points that add names; if given, `package.module:Name` is also allowed.
     base: base class of all kinds.
+    of_function: makes a class of a function that stands in the place of one.
     """
 
     what: str
@@ -30,6 +31,7 @@ class Kinds:
     scalar: str | None = None
     entry_points: str = ""
     base: type[Any] = object
+    of_function: Callable[[Any], type[Any]] | None = None
 
     def names(self) -> list[str]:
         """Names of all kinds."""
@@ -52,13 +54,17 @@ class Kinds:
         if target is None:
             own = ", or write package.module:Class" if self.entry_points else ""
             raise BadInput(f"unknown {self.what} {name!r}{did_you_mean(name, self.names())}{own}")
-        return imported_class(target, self.base, f"{self.what} {name!r}")
+        what = f"{self.what} {name!r}"
+        found = imported(target, what)
+        if self.of_function is not None and callable(found) and not isinstance(found, type):
+            return self.of_function(found)
+        return subclass(found, self.base, what)
 
     def classes(self) -> list[Any]:
         """The built-in classes."""
         return [self.find(name) for name in self.built_in]
 
     def name_of(self, cls: type[Any]) -> str:
-        """The built-in name of a class."""
+        """The built-in name of a class, or its import string."""
         target = f"{cls.__module__}:{cls.__qualname__}"
-        return next(name for name, kind in self.built_in.items() if kind is cls or kind == target)
+        return next((name for name, kind in self.built_in.items() if kind is cls or kind == target), target)

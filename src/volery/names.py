@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from importlib import import_module
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from .errors import BadInput
 
@@ -42,21 +42,33 @@ def check_length(name: str, most: int, what: str) -> str:
     return name
 
 
-def imported_class(target: str, base: type[Base], what: str) -> type[Base]:
-    """Import the class of an import string.
+def imported(target: str, what: str) -> Any:
+    """Import what `package.module:Name` names.
 
     Args:
-        target: `package.module:Class`.
-        base: required base class.
+        target: the import string.
         what: start of error messages, such as "filter 'mine:Best'".
     Raises:
-        BadInput: no such module or class, or not a subclass.
+        BadInput: no such module or name.
     """
     module, _, attribute = target.partition(":")
     try:
-        found = getattr(import_module(module), attribute)
+        return getattr(import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         raise BadInput(f"{what} cannot be loaded: {error}") from error
+
+
+def subclass(found: Any, base: type[Base], what: str) -> type[Base]:
+    """Return the class if it is a subclass of the base.
+
+    Raises:
+        BadInput: it is not; the message starts with `what`.
+    """
     if not (isinstance(found, type) and issubclass(found, base)):
         raise BadInput(f"{what} is {found!r}, not a subclass of {base.__module__}.{base.__qualname__}")
     return found
+
+
+def imported_class(target: str, base: type[Base], what: str) -> type[Base]:
+    """Import a class, as `imported` and `subclass` do."""
+    return subclass(imported(target, what), base, what)

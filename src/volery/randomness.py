@@ -50,6 +50,11 @@ class Stream:
         return [inverse(((draw >> 12) + 0.5) * 2.0**-52) for draw in self._draws[offset : offset + count]]
 
 
+def keyed_seed(seed: int, purpose: str, *names: str) -> int:
+    """A seed of 32 bits for another generator, such as one of a user's own."""
+    return int(stream(seed, purpose, *names).uniform(0) * 2**32)
+
+
 def stream(seed: int, purpose: str, *names: str) -> Stream:
     """The stream of one purpose between the named ends; the same on every machine."""
     words = "\x1f".join((str(seed), purpose, *names)).encode()

@@ -99,7 +99,7 @@ def test_growth_is_uniform() -> None:
 def test_bad_cells_are_refused(cells: list[tuple[int, int]], message: str) -> None:
     """Duplicate cells, modules that touch nobody and arrays of fewer than two modules are refused by name."""
     with pytest.raises(BadInput, match=message):
-        topologies.hexagonal(cells)
+        topologies.hexagonal(tuple(cells))
 
 
 def test_spacing_is_checked() -> None:

@@ -38,7 +38,7 @@ def _same(graph: nx.Graph, other: nx.Graph) -> bool:
         ({"hexagonal": 8}, topologies.random_hexagonal(8, SEED)),
         ({"hexagonal": {"count": 8, "seed": 3, "spacing": "0.3 m"}}, topologies.random_hexagonal(8, 3, 0.3)),
         ({"hexagonal": {"count": 8, "seed": 0}}, topologies.random_hexagonal(8, 0)),
-        ({"cells": [[0, 0], [1, 0]], "spacing": "0.3 m"}, topologies.hexagonal([(0, 0), (1, 0)], 0.3)),
+        ({"cells": [[0, 0], [1, 0]], "spacing": "0.3 m"}, topologies.hexagonal(((0, 0), (1, 0)), 0.3)),
         ({"geometric": {"count": 9, "radius": "60 cm"}}, topologies.geometric(9, 0.6, SEED)),
         ({"geometric": 9, "radius": 3, "side": 5, "seed": 2}, topologies.geometric(9, 3.0, 2, 5.0)),
         ({"erdos-renyi": {"count": 9, "probability": 0.4}}, topologies.erdos_renyi(9, 0.4, SEED)),

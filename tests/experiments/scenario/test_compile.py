@@ -11,7 +11,7 @@ from volery.agents.plan_codec import decode_plan, encode_plan
 from volery.errors import BadInput
 from volery.experiments.scenario.compile import compile_plan
 from volery.experiments.scenario.consistency import settings_problems
-from volery.topologies.graph_settings import Complete, Line
+from volery.topologies.over_time import GRAPHS
 from volery.transport.faults import Kill, LinkFault
 from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
@@ -71,11 +71,11 @@ def test_faults_get_ids_in_order_and_times(load: Load) -> None:
 def test_parts_that_do_not_fit_are_refused_without_a_file_too(load: Load) -> None:
     """A scenario made in Python meets the same checks."""
     scenario = load()
-    wrong = replace(scenario, topology=Complete(3), world=PlaneSettings(Always(0.2)))
+    wrong = replace(scenario, topology=GRAPHS.find("complete")(count=3), world=PlaneSettings(Always(0.2)))
     with pytest.raises(BadInput, match=r"^world: agents of topology complete have no positions"):
         compile_plan(wrong)
     with pytest.raises(BadInput, match=r"^topology.line: count is 1"):
-        compile_plan(replace(scenario, topology=Line(1)))
+        compile_plan(replace(scenario, topology=GRAPHS.find("line")(count=1)))
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_world_may_move_the_agents_of_any_topology(load: Load) -> None:
     plan = compile_plan(load("topology={complete: 3}", MOVING))
     assert (plan.presence, plan.distance_m("1", "2", 0)) == ({}, 9.0)
     scenario = load()
-    wrong = replace(scenario, topology=Line(4), world=load(MOVING).world)
+    wrong = replace(scenario, topology=GRAPHS.find("line")(count=4), world=load(MOVING).world)
     with pytest.raises(BadInput, match=r"^world.paths: it moves agents 1, 2, 3, the topology has 1, 2, 3, 4"):
         compile_plan(wrong)
 

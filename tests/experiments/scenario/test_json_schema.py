@@ -198,7 +198,7 @@ def _open_objects(node: Any, place: str = "") -> list[str]:
 
 def test_nothing_is_open_but_parameters_of_a_class_of_ones_own() -> None:
     """All others know all their fields."""
-    assert all("OwnClass" in place for place in _open_objects(json_schema()))
+    assert all("OwnKind" in place for place in _open_objects(json_schema()))
     assert json_schema()["required"] == ["duration", "topology", "agents"]
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.experiments.scenario.yaml_document import assign, parse
-from volery.topologies.graph_settings import Line, Ring
+from volery.topologies.over_time import GRAPHS
 from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.loss_settings import Bernoulli, GilbertElliott
 from volery.transport.media_settings import FullDuplex
@@ -32,14 +32,14 @@ def test_another_model_replaces_the_one_in_the_file(load: Load) -> None:
     chosen = load("links.loss.bernoulli=0.3", "links.latency.uniform={low: 1 ms, high: 2 ms}", "topology.ring=5")
     assert chosen.links.base.loss == (Bernoulli(0.3),)
     assert chosen.links.base.latency == Uniform(1_000_000, 2_000_000)
-    assert chosen.topology == Ring(5)
+    assert chosen.topology == GRAPHS.find("ring")(count=5)
     changed = load("links.loss.gilbert-elliott.to_bad=0.2")
     assert changed.links.base.loss == (GilbertElliott(0.2, 0.3, 0.9),)
 
 
 def test_what_stands_beside_a_choice_stays(load: Load) -> None:
     """The spacing of a topology is no choice of another one."""
-    assert load("topology.spacing=0.3 m").topology == Line(3, 0.3)
+    assert load("topology.spacing=0.3 m").topology == GRAPHS.find("line")(count=3, spacing=0.3)
 
 
 def test_a_bare_value_chooses_the_simplest_model(load: Load) -> None:
