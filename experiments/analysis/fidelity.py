@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...topologies import natural_key
+from ..evaluation.comparisons import FALSE_ALARM, Channel, Comparison
 from ..record.record import Record
 from .accounting import LinkAccount
-from .channels import Channel
-from .comparisons import FALSE_ALARM, Comparison
 
 _UNITS = {"latency": (1e-6, "ms"), "rate": (1e-3, "kbit/s"), "burst": (1.0, "bit")}
 _PERCENT = (100.0, "%")

@@ -21,8 +21,10 @@ from ...estimators import error_measures as measures
 from ...topologies import natural_key
 from ...transport.faults import Fault
 from ...transport.links import NANOSECONDS
+from ..evaluation.comparisons import Channel
 from ..evaluation.evaluation import Finding
 from ..evaluation.evaluation_result import EvaluationResult
+from ..record.channels import channels
 from ..record.encoding import defined
 from ..record.record import Record
 from ..record.samples import Samples, samples
@@ -30,7 +32,6 @@ from ..scenario.fault_labels import fault_label
 from ..whole_files import write_whole
 from .accounting import LinkAccount, account, airtime_utilisation
 from .ages import AgeMetrics, age_courses, age_metrics
-from .channels import Channel, channels
 from .fidelity import Fidelity, judge
 
 FILE_NAME = "metrics.json"

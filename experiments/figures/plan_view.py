@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ...errors import BadInput
 from ...transport.faults import LinkName
 from ...transport.links import DELIVERED, NANOSECONDS
-from ..analysis.channels import LinkCourse
 from ..evaluation.evaluation import View
 from ..evaluation.evaluation_result import Places
+from ..record.channels import LinkCourse
 from ..record.frame_fates import IN_FLIGHT, FrameFate, frame_fates
 from ..record.record import Life, Record
 from ..scenario.fault_labels import fault_label

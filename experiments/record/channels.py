@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
@@ -19,9 +19,17 @@ from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
 from ...transport.loss_settings import loss_variance
 from ...transport.loss_stages import expected_loss, loss_stages
 from ...transport.media_settings import on_air
-from ..record.frame_fates import FrameFate, frame_fates
-from ..record.record import Record
-from .comparisons import NOTHING, Comparison, compare_all, compare_fraction, compare_mean, significance
+from ..evaluation.comparisons import (
+    NOTHING,
+    Channel,
+    Comparison,
+    compare_all,
+    compare_fraction,
+    compare_mean,
+    significance,
+)
+from .frame_fates import FrameFate, frame_fates
+from .record import Record
 
 _Place = Callable[[int], DirectedLink]
 _ROUNDING_NS = 1.0
@@ -29,31 +37,6 @@ _WALL_CLOCK_NS = 1e6
 """A process wakes up and is scheduled to about a millisecond: by so much a mean latency may be off in realtime pace."""
 _BY_CHANCE = 4
 """Comparisons of a link that chance has a part in: loss, corruption, duplication, latency."""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """Asked against got on one link, over the `frames` that it put on the air.
-
-    `loss`: fraction that the loss models lose, of frames sent while the link was not cut. `corruption`: of those not
-    lost. `duplication`: of those that are intact. `latency`: mean time from the last bit out to due, or to when a frame
-    really came if that was later, without duplicates and without the time for which the link held a frame [ns]; not
-    comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for each frame, and
-    no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the bucket's rate gives
-    in that span, on a radio by all of its links.
-    """
-
-    frames: int
-    loss: Comparison
-    corruption: Comparison
-    duplication: Comparison
-    latency: Comparison
-    rate: Comparison
-    burst: Comparison
-
-    def comparisons(self) -> dict[str, Comparison]:
-        """Each of them by name."""
-        return {name: value for name, value in vars(self).items() if isinstance(value, Comparison)}
 
 
 class LinkCourse:

@@ -11,8 +11,9 @@ import pytest
 from volery.agents.journal import Arrived, Batch, Heard, Sent
 from volery.agents.plan import Plan
 from volery.experiments.analysis.accounting import airtime_utilisation
-from volery.experiments.analysis.channels import Channel, channels
 from volery.experiments.analysis.metrics import compute_metrics
+from volery.experiments.evaluation.comparisons import Channel
+from volery.experiments.record.channels import channels
 from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
 from volery.transport.faults import LinkFault

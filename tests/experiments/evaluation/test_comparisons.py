@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volery.experiments.analysis.comparisons import (
+from volery.experiments.evaluation.comparisons import (
     FALSE_ALARM,
     NOTHING,
     compare_all,
