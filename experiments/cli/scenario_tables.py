@@ -1,4 +1,4 @@
-"""Links, presets and what a scenario asks for, as tables."""
+"""Links, presets and the load of a scenario, as tables."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from rich.table import Table
 
 from ...agents.plan import Plan
+from ...names import first_of
 from ...topologies import natural_key
 from ...transport.latency_settings import LATENCIES
 from ...transport.loss_settings import LOSSES, Loss
@@ -25,14 +26,15 @@ _COLUMNS = 3
 _OCTET = 8
 _LISTED = 4
 _OTHERWISE = {"there": "always", "corruption": "none", "order": "may overtake"}
-"""What stands in a row for a group in which nothing is set, but for a dash."""
+"""Cells of a row for a group without this setting, where these are not a dash."""
 
 
 def link_tables(plan: Plan, groups: Sequence[LinkGroup]) -> Iterator[Table]:
-    """The groups as tables, a column each; what is nowhere set has no row."""
+    """The groups as tables, a column each; settings that no group has are left out."""
     words = fault_words(plan)
     rows = [*_ROWS, ("faults", lambda group: _first([words[name] for name in group.faults]))]
-    for shown in _batched(groups, _COLUMNS):
+    for start in range(0, len(groups), _COLUMNS):
+        shown = groups[start : start + _COLUMNS]
         table = Table(title=f"{plan.name}: {len(plan.links)} directed links", title_justify="left")
         table.add_column("links")
         for group in shown:
@@ -45,14 +47,9 @@ def link_tables(plan: Plan, groups: Sequence[LinkGroup]) -> Iterator[Table]:
 
 
 def _first(lines: Sequence[str]) -> str:
-    """Some lines, and how many more."""
+    """The first lines, and how many more."""
     more = [f"and {len(lines) - _NAMED} more"] if len(lines) > _NAMED else []
     return "\n".join([*lines[:_NAMED], *more])
-
-
-def _batched(groups: Sequence[LinkGroup], size: int) -> Iterator[Sequence[LinkGroup]]:
-    for start in range(0, len(groups), size):
-        yield groups[start : start + size]
 
 
 def _links(group: LinkGroup, total: int) -> str:
@@ -65,8 +62,7 @@ def _links(group: LinkGroup, total: int) -> str:
             names.append(f"{source}>{target}")
         elif natural_key(source) < natural_key(target):
             names.append(f"{source}-{target}")
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"{', '.join(names[:_NAMED])}{more}"
+    return first_of(names, _NAMED)
 
 
 def _medium(group: LinkGroup) -> str:
@@ -127,8 +123,8 @@ def _bucket(group: LinkGroup) -> str:
 
 def _flags(group: LinkGroup) -> str:
     settings = group.settings
-    said = (("cut", settings.cut), ("held back", settings.hold), ("absent", not settings.present))
-    return ", ".join(word for word, holds in said if holds)
+    states = (("cut", settings.cut), ("held back", settings.hold), ("absent", not settings.present))
+    return ", ".join(word for word, holds in states if holds)
 
 
 _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
@@ -155,7 +151,7 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
 
 
 def _model(model: Any) -> str:
-    """A model as one line: its name, and its fields that are not at their default."""
+    """A model as one line: its name and the fields that are not defaults."""
     kinds = next(kinds for kinds in (LOSSES, LATENCIES, ACCESSES) if type(model) in kinds.classes())
     name, body = kinds.name_of(type(model)), plain_settings(model)
     own = [field for field in fields(model) if field.default is MISSING or getattr(model, field.name) != field.default]
@@ -175,7 +171,7 @@ def _value(value: Any) -> str:
 
 
 def preset_table(name: str, preset: Preset) -> Table:
-    """A preset as a table: its fields, and where their numbers are from."""
+    """A preset as a table: its fields and the sources of their numbers."""
     table = Table(
         title=f"{name}: {preset.about}",
         title_justify="left",
@@ -190,7 +186,7 @@ def preset_table(name: str, preset: Preset) -> Table:
 
 
 def _flow(value: Any) -> str:
-    """A value as YAML has it on one line."""
+    """A value in YAML on one line."""
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
     return str(value)
@@ -200,13 +196,13 @@ def _flow(value: Any) -> str:
 
 
 def validation_table(validation: Validation) -> Table:
-    """The validation as a table: a row per medium, the totals and what the graph does below."""
-    table = Table(title=f"{validation.name}: what it asks for", show_footer=True)
+    """The load of a plan as a table: a row per medium, totals, and notes on the graph and on faults."""
+    table = Table(title=f"{validation.name}: load", show_footer=True)
     puts = "unknown" if validation.puts_per_second is None else f"{validation.puts_per_second:.4g}"
     largest = "unknown" if validation.largest_payload is None else f"{validation.largest_payload} B"
-    said = [*validation.vain] if validation.graph is None else [str(validation.graph), *validation.vain]
-    if said:
-        table.caption, table.caption_justify = "\n".join(said), "left"
+    notes = [*validation.notes] if validation.graph is None else [str(validation.graph), *validation.notes]
+    if notes:
+        table.caption, table.caption_justify = "\n".join(notes), "left"
     table.add_column("medium", f"{validation.agents} agents")
     table.add_column("access", f"largest payload {largest}")
     table.add_column("airtime", f"slack {validation.slack_ns / 1e6:.3f} ms", justify="right")

@@ -1,4 +1,4 @@
-"""What an annotated type says beside its base: marks, alternatives, and how a field is called in a scenario."""
+"""Annotated types: their marks, unions, and the names of fields in a scenario."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ def mark(hint: Any, kind: type[Mark]) -> Mark | None:
 
 
 def owned(hint: Any, owner: Unit | None) -> Any:
-    """The type, with the unit of its owner where it has none of its own."""
+    """The type, with the unit of the enclosing field if it has none of its own."""
     return Annotated[get_args(hint)[0], owner] if mark(hint, Unit) == OWNERS and owner is not None else hint
 
 
 def is_union(base: Any) -> bool:
-    """Whether a type is one of several."""
+    """Whether a type is a union."""
     return get_origin(base) in (Union, UnionType)
 
 
 def written_name(field: Field[Any]) -> str:
-    """The name of a dataclass's field in a scenario: without the unit in nanoseconds, or as its metadata say."""
+    """The name of a dataclass's field in a scenario: without the suffix `_ns`, or as its metadata say."""
     return str(field.metadata.get("name", field.name.removesuffix("_ns").rstrip("_")))

@@ -1,4 +1,4 @@
-"""A scenario turned into a plan: the graph, the world, the links and faults by name, and whether they fit together."""
+"""Compiles a scenario to a plan: graph, world, links and faults by name, and checks that they fit together."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from .yaml_document import Problem
 
 
 def compile_plan(scenario: Scenario) -> Plan:
-    """The plan of a scenario; faults that start after the end of the run are not in it.
+    """The plan of a scenario, without faults that start after the end of the run.
 
     Raises:
-        BadInput: parts that do not fit together, all of them at once.
+        BadInput: all parts that do not fit together.
     """
     plan, problems = attempt(scenario)
     if plan is None or problems:
@@ -44,7 +44,7 @@ def compile_plan(scenario: Scenario) -> Plan:
 
 
 def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
-    """The plan, if there is one, and everything that is wrong with it, each at its place in the scenario."""
+    """The plan, or None, and all problems, each with its place in the scenario."""
     problems: list[Problem] = []
     of_world: list[Problem] = []
     try:
@@ -76,8 +76,8 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
         except BadInput as error:
             problems.append(Problem(("topology",), str(error)))
     try:
-        judges = {evaluation_class(agent.kind) for agent in plan.agents}
-        plan = replace(plan, keeps_payloads=any(judge.needs_payloads for judge in judges))
+        classes = {evaluation_class(agent.kind) for agent in plan.agents}
+        plan = replace(plan, keeps_payloads=any(each.needs_payloads for each in classes))
     except BadInput as error:
         problems.append(Problem(("agents",), str(error)))
     if not problems:
@@ -86,7 +86,7 @@ def attempt(scenario: Scenario) -> tuple[Plan | None, list[Problem]]:
 
 
 class _Refused(Exception):
-    """There can be no plan, because of this problem."""
+    """A problem that leaves no plan."""
 
     def __init__(self, error: BadInput, *place: str) -> None:
         super().__init__(str(error))
@@ -94,10 +94,10 @@ class _Refused(Exception):
 
 
 def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGraph, World | Coupled | None]:
-    """The graph over time and the world; whichever of the two says who the agents are is made first.
+    """The graph over time and the world; a proximity graph is made from the world, any other before the world.
 
     Raises:
-        _Refused: no graph, or nobody moves where the graph follows from that.
+        _Refused: no graph, or no world from which it could follow.
     """
     seed, of_world = scenario.seed, scenario.world
     if isinstance(scenario.topology, Proximity) and isinstance(of_world, MovingSettings):

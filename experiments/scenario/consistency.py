@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from ...agents import registry
 from ...agents.plan import Plan
 from ...errors import BadInput
+from ...names import first_of
 from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ...transport.links import LinkSettings
 from ...transport.loss_settings import Distance
@@ -16,24 +17,23 @@ from .expansion import entry_index
 from .yaml_document import Loc, Problem
 
 RADIO_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "mtu", "queue", "bucket"}
-"""What all links of one radio have in common."""
+"""Fields that all links of one radio have in common."""
 
 
 def inconsistencies(plan: Plan) -> Iterator[Problem]:
-    """What keeps the parts of a plan from working together, under the faults of its timeline too."""
+    """Parts of a plan that do not fit together, with the faults of its timeline included."""
     for kind in sorted({agent.kind for agent in plan.agents}):
         for text in registry.find(kind).problems(plan):
             yield Problem(("agents",), text)
     for fault in plan.faults:
         if (forgetting := forgets(plan, fault)) is not None:
             yield Problem(("faults", entry_index(fault), "keep_state"), forgetting)
-    for loc, text, links in (*_link_misfits(plan), *_radio_misfits(plan)):
-        more = f" and {len(links) - 1} more" if len(links) > 1 else ""
-        yield Problem(loc, f"{text} (link {'>'.join(links[0])}{more})")
+    for loc, text, links in (*_link_problems(plan), *_radio_problems(plan)):
+        yield Problem(loc, f"{text} (link {first_of(['>'.join(link) for link in links], 1)})")
 
 
 def forgets(plan: Plan, fault: Fault) -> str | None:
-    """Why the state that a kill is to keep cannot be kept; None where nothing stands against it."""
+    """Why a kill cannot keep the state of its agent; None if it can, or need not."""
     if not isinstance(fault, Kill) or not fault.keep_state:
         return None
     kind = plan.agent(fault.agent).kind
@@ -45,13 +45,13 @@ def forgets(plan: Plan, fault: Fault) -> str | None:
 def settings_problems(
     settings: LinkSettings, payload_bytes: int | None, compute_ns: int, slots: int = EDGE_SLOTS
 ) -> Iterator[tuple[str, str]]:
-    """What makes these settings impossible for an agent: (field of the links, sentence with the remedy).
+    """Settings that are impossible for an agent: (field of the links, sentence with the remedy).
 
     Args:
-        settings: of one directed link.
-        payload_bytes: the largest payload that its sender offers, where that is known.
-        compute_ns: from an event to what the sender sends because of it.
-        slots: how many share a cycle of the medium.
+        settings: settings of one directed link.
+        payload_bytes: largest payload that its sender offers; None if unknown.
+        compute_ns: time from an event to the frames that the sender sends because of it.
+        slots: number of slots in a cycle of the medium.
     """
     if payload_bytes is not None and payload_bytes > settings.mtu:
         text = f"a payload of {payload_bytes} B is larger than the MTU of {settings.mtu} B: send less, or raise mtu"
@@ -80,7 +80,7 @@ def settings_problems(
 
 
 def placeless(plan: Plan, link: LinkName, settings: LinkSettings) -> Iterator[tuple[str, str]]:
-    """Why a link's losses cannot depend on a distance: (field of the links, sentence with the remedy)."""
+    """Losses that depend on a distance which is unknown: (field of the links, sentence with the remedy)."""
     for field in ("loss", "corruption"):
         if any(isinstance(model, Distance) for model in getattr(settings, field)):
             try:
@@ -89,8 +89,8 @@ def placeless(plan: Plan, link: LinkName, settings: LinkSettings) -> Iterator[tu
                 yield field, str(error)
 
 
-def _radio_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
-    """Links of one radio that differ in what a radio has only one of, at the start or under a fault."""
+def _radio_problems(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
+    """Links of one radio that differ in fields which a radio has only once, at the start or by a fault."""
     for agent in plan.agents:
         shared = [(agent.name, other) for other in agent.neighbours if on_air(plan.links[agent.name, other].medium)]
         for field in RADIO_FIELDS if shared else ():
@@ -102,10 +102,10 @@ def _radio_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
 
 
 def part_of_a_radio(fault: LinkFault, shared: Sequence[LinkName]) -> str | None:
-    """Why a fault cannot change what it changes on some links of a radio and not on the others; None where it can.
+    """Why a fault cannot change only some of the links of a radio; None if it can.
 
     Args:
-        fault: what changes.
+        fault: the fault.
         shared: all links of one radio.
     """
     fields, touched = sorted(RADIO_FIELDS & fault.changes.keys()), set(shared) & set(fault.links)
@@ -118,8 +118,8 @@ def part_of_a_radio(fault: LinkFault, shared: Sequence[LinkName]) -> str | None:
     )
 
 
-def _link_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
-    """Place, problem, and the links that have it; links that go through the same settings are looked at once."""
+def _link_problems(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
+    """Place, problem, and its links; links with the same settings and faults are checked once."""
     touching: dict[LinkName, list[LinkFault]] = defaultdict(list)
     for fault in plan.faults:
         if isinstance(fault, LinkFault):
@@ -140,14 +140,14 @@ def _link_misfits(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
 
 
 def slots_of(plan: Plan, link: LinkName) -> int:
-    """How many share a cycle of a link's medium."""
+    """Number of slots in a cycle of a link's medium."""
     return plan.slots[link[0]][1] if on_air(plan.links[link].medium) else EDGE_SLOTS
 
 
 def _over_time(
     plan: Plan, link: LinkName, faults: Sequence[LinkFault], payload: int | None, compute_ns: int
 ) -> list[tuple[Loc, str]]:
-    """The problems of a link's own settings; where there are none those that its faults bring, at the latest one."""
+    """The problems of a link's own settings; if there are none, those caused by its faults, at the latest fault."""
     slots = slots_of(plan, link)
 
     def problems(settings: LinkSettings) -> list[tuple[str, str]]:

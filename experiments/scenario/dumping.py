@@ -1,4 +1,4 @@
-"""Values written as a scenario has them: quantities with units, kinds by name. What is written reads back equal."""
+"""Values as plain data of a scenario: quantities with units, kinds by name. Reading the data gives equal values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .annotations import is_union, mark, owned, written_name
 
 
 def dumped(value: Any, hint: Any = Any, owner: Unit | None = None) -> Any:
-    """A value as plain data; `hint`: its annotated type; `owner`: the unit of numbers that have their owner's."""
+    """A value as plain data; `hint`: its annotated type; `owner`: the unit of numbers that take that of the field."""
     hint = owned(hint, owner)
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     unit = mark(hint, Unit)
@@ -43,7 +43,7 @@ def _structure(value: Any, base: Any, owner: Unit | None) -> Any:
 
 
 def settings(value: Any, owner: Unit | None = None) -> dict[str, Any]:
-    """Settings as a mapping of their fields; what is None and may be left out is left out."""
+    """Settings as a mapping of their fields, without optional fields that are None."""
     if isinstance(value, Steps):
         levels = [dumped(level, Annotated[float, owner]) for level in value.levels]
         return dict(zip([quantity(time, "ns") for time in value.times_ns], levels, strict=True))
@@ -72,7 +72,7 @@ def _alternative(value: Any, parts: Sequence[Any], owner: Unit | None) -> Any:
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Whether a value may be of one alternative."""
+    """Whether a value may be of this type of a union."""
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     origin = get_origin(base) or base
     if origin is Literal:

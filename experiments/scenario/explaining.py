@@ -1,4 +1,4 @@
-"""What the validator found, in words: each error with its place, the value, and the name that was probably meant."""
+"""Errors of a validation in words: the place, the value, and the nearest known name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def read(hint: Any, value: Any, place: str = "") -> Any:
     """The value of an annotated type, as `validated` reads it.
 
     Raises:
-        BadInput: all that is wrong, each as `place.field: message`.
+        BadInput: all errors, each as `place.field: message`.
     """
     try:
         return validated(hint, value)
@@ -37,7 +37,7 @@ def _below(place: str, problem: Problem) -> Problem:
 
 
 def explain(error: ValidationError) -> list[Problem]:
-    """Every error of a validation."""
+    """All errors of a validation."""
     return [_problem(detail) for detail in error.errors(include_url=False)]
 
 

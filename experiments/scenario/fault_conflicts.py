@@ -1,4 +1,4 @@
-"""Faults that contradict each other or change nothing: refused where they are written, noted where they are drawn."""
+"""Faults that contradict each other or have no effect: errors where they are given, notes where they are random."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from ...agents import registry
 from ...agents.plan import Plan
+from ...names import first_of
 from ...topologies import natural_key
 from ...transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, LinkName, Pause, SensorFault, effective
 from ...transport.media_settings import on_air
@@ -20,42 +21,42 @@ _STATES = {"cut": "cut", "hold": "held"}
 
 
 class Finding(NamedTuple):
-    """What is wrong with a fault, a sentence, and whether it is impossible or only vain."""
+    """What is wrong with a fault, and whether it is impossible or only without effect."""
 
     text: str
     impossible: bool = False
 
 
 def conflicts(plan: Plan, entries: Sequence[FaultEntry]) -> Iterator[Problem]:
-    """What makes the faults of a timeline impossible or vain together, once for each entry.
+    """Faults of a timeline that are impossible or without effect, one problem an entry.
 
-    Where the instants of an entry are random, what is vain by chance is no problem.
+    A fault at a random instant may be without effect.
 
     Args:
-        plan: with the faults of the timeline.
-        entries: that they were made from.
+        plan: plan with the faults of the timeline.
+        entries: the timeline.
     """
-    told: set[int] = set()
+    reported: set[int] = set()
     for fault, earlier in _with_earlier(plan.faults):
         found, index = finding(plan, fault, earlier), entry_index(fault)
-        if found and index not in told and (found.impossible or entries[index].every is None):
-            told.add(index)
+        if found and index not in reported and (found.impossible or entries[index].every is None):
+            reported.add(index)
             yield Problem(("faults", index, entries[index].action), found.text)
 
 
-def vain_faults(plan: Plan) -> Iterator[str]:
-    """What of a timeline may be written though it has no effect, or not on all links: a sentence for each entry."""
-    told: set[str] = set()
+def ineffective_faults(plan: Plan) -> Iterator[str]:
+    """Notes on faults of a timeline that have no effect, or none on some links: one sentence an entry."""
+    noted: set[str] = set()
     for fault, earlier in _with_earlier(plan.faults):
         found, entry = finding(plan, fault, earlier), entry_of(fault.id)
         text = found.text if found else _idle(plan, fault) if isinstance(fault, LinkFault) else None
-        if text and entry not in told:
-            told.add(entry)
+        if text and entry not in noted:
+            noted.add(entry)
             yield f"fault {fault.id}: {text}"
 
 
 def _with_earlier(faults: Iterable[Fault]) -> Iterator[tuple[Fault, list[Fault]]]:
-    """Each fault with those of its places that still hold and began before it, or with it but earlier in the file."""
+    """Each fault with the faults in force at its places that began before it, or with it but earlier in the file."""
     holding: dict[str | LinkName, list[Fault]] = defaultdict(list)
     for fault in sorted(faults, key=lambda fault: (fault.at_ns, natural_key(fault.id))):
         places: Sequence[str | LinkName] = fault.links if isinstance(fault, LinkFault) else (fault.agent,)
@@ -70,9 +71,9 @@ def finding(plan: Plan, fault: Fault, earlier: Sequence[Fault]) -> Finding | Non
     """What is wrong with a fault.
 
     Args:
-        plan: what runs.
-        fault: that begins.
-        earlier: others that hold at that instant.
+        plan: the plan of the run.
+        fault: the fault that begins.
+        earlier: other faults in force at that instant.
     """
     if isinstance(fault, LinkFault):
         before = [other for other in earlier if isinstance(other, LinkFault)]
@@ -85,7 +86,7 @@ def finding(plan: Plan, fault: Fault, earlier: Sequence[Fault]) -> Finding | Non
 
 
 def _moved(plan: Plan, fault: LinkFault) -> Finding | None:
-    """Who shares a transceiver is settled before the run."""
+    """A fault that moves links between transceivers: these are fixed before the run."""
     medium = fault.changes.get("medium")
     if medium is None:
         return None
@@ -118,13 +119,13 @@ def _unchanged(plan: Plan, fault: LinkFault, earlier: Sequence[LinkFault]) -> Fi
 
 
 def idle_links(plan: Plan, links: Iterable[LinkName]) -> list[LinkName]:
-    """Those whose source never sends, as far as its kind tells."""
+    """Links whose source never sends, as far as its kind declares it."""
     silent = {agent.name for agent in plan.agents if registry.find(agent.kind).is_silent(plan, agent.name)}
     return [link for link in links if link[0] in silent]
 
 
 def _idle(plan: Plan, fault: LinkFault) -> str | None:
-    """Links that carry nothing while the fault holds."""
+    """A note on links that carry nothing while the fault is in force."""
     if silent := idle_links(plan, fault.links):
         return f"{listed(silent)} {_carry(silent)} nothing: {silent[0][0]} never sends"
     absent = [link for link in fault.links if not _is_there(plan, link, fault)]
@@ -142,9 +143,8 @@ def _is_there(plan: Plan, link: LinkName, fault: Fault) -> bool:
 
 
 def listed(links: Sequence[LinkName]) -> str:
-    """Some links by name, and how many more."""
-    more = f" and {len(links) - _NAMED} more" if len(links) > _NAMED else ""
-    return f"{', '.join('>'.join(link) for link in links[:_NAMED])}{more}"
+    """The first links by name, and how many more."""
+    return first_of([">".join(link) for link in links], _NAMED)
 
 
 # -- agents and sensors -------------------------------------------------------------------------------------------
@@ -153,7 +153,7 @@ _OfAgent = Kill | Pause | Hog | ClockFault | SensorFault
 
 
 def _doubled(fault: _OfAgent, other: _OfAgent) -> Finding | None:
-    """Why a fault changes nothing under another one of its agent."""
+    """Why a fault has no effect during another fault of its agent."""
     if isinstance(other, Kill) and (isinstance(fault, Kill) or _outlasts(other, fault)):
         text = f"agent {fault.agent} is down then already, by fault {other.id}: let one end before the other starts"
         return Finding(text, impossible=isinstance(fault, Kill))
@@ -171,7 +171,7 @@ def _outlasts(other: Fault, fault: Fault) -> bool:
 
 
 def _hides(other: SensorFault, fault: SensorFault) -> bool:
-    """Nothing is seen of a failed sensor while it lasts, and a stuck one sticks to its first value."""
+    """Whether one sensor fault hides another: a failed sensor gives nothing, a stuck one repeats its first value."""
     if other.sensor != fault.sensor or not _outlasts(other, fault):
         return False
     return other.trouble == "failed" or (other.trouble, fault.trouble) == ("stuck", "stuck")

@@ -14,7 +14,7 @@ _PPM = 1_000
 
 
 def fault_label(fault: Fault, link_count: int) -> str:
-    """What a fault does and where; `link_count` is the number of directed links in all."""
+    """What a fault does and where; `link_count`: number of all directed links."""
     match fault:
         case LinkFault():
             changes = ", ".join(_change(*change) for change in fault.changes.items())
@@ -32,7 +32,7 @@ def fault_label(fault: Fault, link_count: int) -> str:
 
 
 def in_words(faults: Mapping[str, Fault], link_count: int) -> dict[str, str]:
-    """Faults by id, each as its short name."""
+    """Id → short name of a fault."""
     return {name: fault_label(fault, link_count) for name, fault in faults.items()}
 
 
@@ -46,11 +46,11 @@ def _change(name: str, value: Any) -> str:
 
 
 def _model(name: str, model: Any) -> str:
-    """The first numbers of a model, defaults left out, those of a latency in milliseconds; another value as it is."""
+    """The first numbers of a model that are not defaults, in milliseconds for latencies; other values as text."""
     if not is_dataclass(model):
         return str(model)
-    told = [field for field in fields(model)[:_NAMED] if getattr(model, field.name) != field.default]
-    numbers = [getattr(model, field.name) for field in told]
+    shown = [field for field in fields(model)[:_NAMED] if getattr(model, field.name) != field.default]
+    numbers = [getattr(model, field.name) for field in shown]
     return ", ".join(f"{number / 1e6:g} ms" if name == "latency" else f"{number:g}" for number in numbers)
 
 

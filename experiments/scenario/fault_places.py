@@ -1,4 +1,4 @@
-"""Where faults are, as words: links, agents and sensors, groups of agents, all of them, a random fraction of them."""
+"""Places of faults, given as words: links, agents and sensors, groups of agents, all, or a random fraction."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ Name = TypeVar("Name", bound=tuple[str, ...])
 class Places:
     """Everything that words may name.
 
-    `edges`: one direction of each is enough. `groups`: name → agents. What is drawn follows from `seed` and the id of
-    the fault. `world` knows the sensors.
+    edges: links, at least one direction of each.
+    groups: name → agents.
+    seed: seed of random fractions, together with the id of the fault.
+    world: the world, which knows the sensors.
+    fault_id: id of the fault.
     """
 
     edges: Collection[LinkName]
@@ -62,12 +65,12 @@ def _in_order(links: Iterable[LinkName]) -> tuple[LinkName, ...]:
 
 
 def read_words(value: Any) -> tuple[str, ...]:
-    """Names of places, one or a list, separated by commas inside a text; a number is an agent's name.
+    """Names of places: one or a list, each a number or a text with names separated by commas.
 
     `random 0.3`, or {random: 0.3}, is one word.
 
     Raises:
-        BadInput: no word, something else than words, or a fraction that is none.
+        BadInput: no word, a value that is neither text nor number, or an invalid fraction.
     """
     words: list[str] = []
     for item in value if isinstance(value, list) else [value]:
@@ -88,10 +91,10 @@ def _joined(words: Sequence[str]) -> Iterable[str]:
         if word != RANDOM:
             yield word
             continue
-        written = next(following, "")
-        yield f"{RANDOM} {written}"
-        if not 0 < _number(written) <= 1:
-            raise BadInput(f"random is {written or 'not given'}, a fraction lies above 0 and is at most 1: random 0.3")
+        share = next(following, "")
+        yield f"{RANDOM} {share}"
+        if not 0 < _number(share) <= 1:
+            raise BadInput(f"random is {share or 'not given'}, a fraction lies above 0 and is at most 1: random 0.3")
 
 
 def _number(text: str) -> float:
@@ -121,7 +124,7 @@ def read_groups(value: Any) -> dict[str, tuple[str, ...]]:
     """The scenario's `groups:`, name → agents.
 
     Raises:
-        BadInput: not lists of names, an empty one, a name twice, or a name that nothing can have.
+        BadInput: not a mapping to lists of names, an empty list, an agent twice, or an invalid name.
     """
     if not isinstance(value, Mapping):
         raise BadInput(f"should be a mapping of names to lists of agents, not {value!r}")
@@ -148,7 +151,7 @@ def _twice(words: Sequence[str]) -> str | None:
 
 
 def group_problems(groups: Mapping[str, tuple[str, ...]], agents: Collection[str]) -> Iterable[tuple[str, str]]:
-    """What is wrong with groups of these agents: (group, sentence)."""
+    """What is wrong with groups: (group, sentence)."""
     for name, members in groups.items():
         if name in agents:
             yield name, f"{name} is the name of an agent: call the group something else"
@@ -162,22 +165,22 @@ def group_problems(groups: Mapping[str, tuple[str, ...]], agents: Collection[str
 def parse_links(words: str | Sequence[str], places: Places) -> tuple[LinkName, ...]:
     """The directed links that the words name, in natural order.
 
-    `3-7` is both directions, `3>7` one; an end may be a group, which stands for each of its members. An agent's or a
-    group's name alone is every link that touches it, `all` all there are, `random 0.3` that fraction of the edges, both
-    directions of each. Several may be given, in a sequence or separated by commas.
+    `3-7`: both directions; `3>7`: one. An end may be a group, which stands for each of its members. An agent's or a
+    group's name alone: all links that touch it; `all`: all links; `random 0.3`: that fraction of the edges, in both
+    directions. Several words may be given, in a sequence or separated by commas.
 
     Raises:
-        BadInput: no words, or a link or an agent that does not exist.
+        BadInput: no words, or an unknown link or agent.
     """
     listed = read_words(words if isinstance(words, str) else list(words))
     return _in_order({link for word in listed for link in _links_of(word, places)})
 
 
 def changed_links(words: Sequence[str], changes: Mapping[str, Any], places: Places) -> tuple[LinkName, ...]:
-    """The links that the words name, for these changes.
+    """The links that the words name, checked for these changes.
 
     Raises:
-        BadInput: a link or an agent that does not exist, or another medium for one direction of an edge only.
+        BadInput: an unknown link or agent, or a change of the medium in only one direction of an edge.
     """
     changed = parse_links(words, places)
     for source, target in changed if "medium" in changes else ():
@@ -215,7 +218,7 @@ def _members(word: str, places: Places, within: str = "") -> set[str]:
 
 
 def _drawn(word: str, names: Sequence[Name], places: Places, what: str) -> Sequence[Name]:
-    """The fraction with the smallest draws, one draw per name: another name shifts nobody else's."""
+    """The fraction with the smallest draws, one draw a name, so that a further name shifts no other draw."""
     share = float(word.removeprefix(RANDOM))
     count = math.floor(share * len(names) + 0.5)
     if count == 0:
@@ -228,10 +231,10 @@ def _drawn(word: str, names: Sequence[Name], places: Places, what: str) -> Seque
 
 
 def check_agent(name: str, places: Places, within: str = "") -> str:
-    """The name, if there is such an agent; `within`: the word that it is part of.
+    """The name of an agent, checked; `within`: the word that it is part of.
 
     Raises:
-        BadInput: there is none.
+        BadInput: no such agent.
     """
     if name in places.agents:
         return name
@@ -249,7 +252,7 @@ def parse_agents(words: Sequence[str], places: Places) -> tuple[str, ...]:
     """The agents that the words name, in natural order: names, groups, `all`, `random 0.3`.
 
     Raises:
-        BadInput: an agent that does not exist.
+        BadInput: an unknown agent.
     """
     found = {name for word in words for name in _agents_of(word, places)}
     return tuple(sorted(found, key=natural_key))
@@ -267,7 +270,7 @@ def parse_sensors(words: Sequence[str], places: Places) -> tuple[SensorName, ...
     """The sensors that the words name, in natural order: `2.distance`, `left.distance`, `all.distance`.
 
     Raises:
-        BadInput: an agent or a sensor that does not exist, or no world that has any.
+        BadInput: an unknown agent or sensor, or a scenario without a world.
     """
     found = {name for word in words for name in _sensors_of(word, places)}
     return tuple(sorted(found, key=lambda name: (natural_key(name[0]), name[1])))

@@ -1,4 +1,4 @@
-"""Failures and repairs at random: alternating renewal processes, drawn beforehand from the seed."""
+"""Random failures and repairs: alternating renewal processes, drawn from the seed before the run."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ...randomness import stream
 from ...units import Period, quantity
 
 MOST, MOST_OF_A_PLACE = 10_000, 1_000
-"""More faults of one entry, and of one of its places, than anybody means."""
+"""Largest numbers of faults of one entry, and of one of its places."""
 
 Spans = list[tuple[int, int]]
 
 
 @dataclass(frozen=True)
 class Every:
-    """Failures and repairs at random.
+    """Random failures and repairs.
 
     mtbf: mean time between a repair and the next failure.
     mttr: mean time to repair.
-    together: whether all places fail at once, and not each by itself.
+    together: whether all places fail together, instead of each separately.
     """
 
     mtbf: Period
@@ -35,10 +35,10 @@ class Every:
                 raise BadInput(f"{name} is {quantity(getattr(self, name), 'ns')}, a mean time is above 0")
 
     def check(self, places: int, from_ns: int, until_ns: int) -> None:
-        """Whether so many places have a sensible number of faults in a time.
+        """Check the expected number of faults of so many places in [from, until).
 
         Raises:
-            BadInput: there would be too many.
+            BadInput: too many.
         """
         expected = max(0, until_ns - from_ns) / (self.mtbf + self.mttr)
         for count, most in ((expected * places, MOST), (expected, MOST_OF_A_PLACE)):
@@ -47,7 +47,7 @@ class Every:
 
 
 def renewals(every: Every, from_ns: int, until_ns: int, seed: int, fault_id: str, *place: str) -> Spans:
-    """When one place is faulty within [from, until), where it starts sound.
+    """The spans within [from, until) in which one place is faulty; it is sound at the start.
 
     Times to failure and to repair are independent and exponential, T = −mean · ln u, rounded up; the 2k-th draw of the
     place's own stream is the k-th time to failure, the one after it the time to its repair (Cox 1962, Renewal Theory,

@@ -15,7 +15,7 @@ _SENTENCE = re.compile(r"(?:^|(?<=[.;] ))((?:`\w+`(?:, | and )?)+): ([^;]*?)(?=\
 
 
 def summary(cls: Any) -> str | None:
-    """The first paragraph of a docstring, on one line; None of one that dataclasses made."""
+    """The first paragraph of a docstring, on one line; None for the docstrings that dataclasses generate."""
     text = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")[0]
     return None if text.startswith(f"{cls.__name__}(") else " ".join(text.split()) or None
 
@@ -32,7 +32,7 @@ def described(cls: Any) -> dict[str, str]:
 
 
 def _entries(doc: str) -> list[tuple[list[str], str]]:
-    """Names and text, of lines of their own, which may go on indented, and of sentences that begin with `name`:."""
+    """Names and their text: from lines `name: text`, continued by indented lines, and from sentences "`name`: text"."""
     entries: list[tuple[list[str], list[str]]] = []
     indent, prose = -1, []
     for line in doc.splitlines():

@@ -1,4 +1,4 @@
-"""What `volery validate` says of a graph that changes: when it falls apart, and how connected it is on average."""
+"""Connectivity of a graph that changes during a run, for `volery validate`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from ...units import quantity
 
 @dataclass(frozen=True)
 class GraphChanges:
-    """A changing graph over a run.
+    """Changes of a graph over a run.
 
-    `instants`: how often it changes; `apart`: when some agent cannot reach another; `mean_connectivity`: λ_2 of the
-    time average of its Laplacian, and `union_connectivity` that of all edges at once, between which agreement lies.
+    instants: number of instants at which it changes.
+    apart: spans in which it is not connected.
+    mean_connectivity: λ₂ of the time average of its Laplacian.
+    union_connectivity: λ₂ of the Laplacian of all its edges at once.
     """
 
     instants: int
@@ -45,7 +47,7 @@ class GraphChanges:
 
 
 def graph_changes(plan: Plan) -> GraphChanges | None:
-    """The changes of a plan's graph; None where it never changes."""
+    """The changes of a plan's graph; None if it never changes."""
     if not plan.presence:
         return None
     union = topologies.from_edges({topologies.ordered(*link) for link in plan.links})

@@ -58,7 +58,7 @@ class BuiltIn(NamedTuple):
 
 
 class Source(NamedTuple):
-    """The text of a scenario: `label` names it in messages, `folder` is where its relative paths start."""
+    """The text of a scenario; `label`: its name in messages; `folder`: base of its relative paths."""
 
     name: str
     label: str
@@ -83,7 +83,7 @@ def scenario_text(name: str) -> str:
     """The YAML text of a built-in scenario.
 
     Raises:
-        BadInput: there is none of this name.
+        BadInput: unknown name.
     """
     files = _files()
     if name not in files:

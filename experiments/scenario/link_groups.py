@@ -1,4 +1,4 @@
-"""The links of a plan as they are resolved: what every direction does with a frame, links that are alike together."""
+"""The resolved links of a plan, with identical links in groups."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ from .fault_labels import fault_label
 
 @dataclass(frozen=True)
 class LinkGroup:
-    """Directed links that are alike: settings, largest payload, faults, and how much of the run they are there.
+    """Directed links with the same settings, largest payload, slots and faults.
 
-    `largest_payload` is None where the agent's kind does not tell it. `slots`: how many share a cycle, `slot` the own
-    one, from 0; None where there are none, or the links of the group have different ones. `there`: least and largest
-    fraction of the run in which one of the links is there.
+    links: names of the links.
+    settings: of each link.
+    largest_payload: in bytes; None if the agent's kind does not declare it.
+    slots: number of slots in a cycle; None without slots.
+    slot: index of the own slot; None without slots, or if the links have different ones.
+    faults: ids of the faults that touch the links.
+    there: smallest and largest fraction of the run in which one of the links exists.
     """
 
     links: tuple[LinkName, ...]
@@ -43,7 +47,7 @@ class LinkGroup:
 
 
 def link_groups(plan: Plan, *, every: bool = False) -> list[LinkGroup]:
-    """The links of a plan in groups that are alike, in natural order of the first; `every`: one each."""
+    """The links of a plan in groups, in natural order of the first; `every`: one group a link."""
     payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
     alike: dict[Any, list[LinkName]] = {}
     for link in sorted(plan.links, key=lambda link: (natural_key(link[0]), natural_key(link[1]))):
@@ -62,7 +66,7 @@ def _slots(plan: Plan, link: LinkName) -> int | None:
 
 
 def _same_slot(plan: Plan, links: Sequence[LinkName]) -> int | None:
-    """The slot that all of these have, from 0; None where they have several, or none."""
+    """The common slot of these links, from 0; None if they differ or have none."""
     if _slots(plan, links[0]) is None:
         return None
     own = {
@@ -81,11 +85,11 @@ def _there(plan: Plan, links: Iterable[LinkName]) -> tuple[float, float]:
 
 
 def to_mapping(group: LinkGroup, faults: Mapping[str, str]) -> dict[str, Any]:
-    """A group as plain data: settings as a scenario has them, and what follows from them.
+    """A group as plain data: settings as in a scenario, and quantities derived from them.
 
     Args:
-        group: of links.
-        faults: id → what it does, in words.
+        group: group of links.
+        faults: id → description.
     """
     settings = group.settings
     return {
@@ -105,12 +109,12 @@ def to_mapping(group: LinkGroup, faults: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    """JSON knows no NaN."""
+    """A number for JSON, which has no NaN."""
     return None if math.isnan(value) else value
 
 
 def fault_words(plan: Plan) -> dict[str, str]:
-    """Id → what a fault of links does, where and when."""
+    """Id → description of a link fault: what, where and when."""
     words = {}
     for fault in plan.faults:
         if isinstance(fault, LinkFault):

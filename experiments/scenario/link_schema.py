@@ -1,4 +1,4 @@
-"""How links are written in a scenario: settings of all, a preset, and what differs on some."""
+"""The `links` of a scenario: settings of all links, a preset, and overrides for some links."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ def _read_changes(value: Any) -> dict[str, Any]:
 
 
 def dumped_changes(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Some settings of a link as plain data."""
+    """Changes of a link's settings as plain data."""
     return {name: value for name, value in settings(LinkSettings(**changes)).items() if name in changes} | {
         name: None for name, value in changes.items() if value is None
     }
 
 
 LinkChanges = Annotated[Mapping[str, Any], Reader(_read_changes, _changes_model, dumped_changes)]
-"""Settings of a link as they are written; those that are absent stay as they are."""
+"""Changes of a link's settings; absent fields keep their values."""
 
 
 @dataclass(frozen=True)
 class LinkOverride:
-    """What differs on some links; `where` as in faults, later entries on top."""
+    """Changes for some links; `where` as in faults, later entries take precedence."""
 
     where: tuple[str, ...]
     changes: dict[str, Any]
@@ -87,13 +87,13 @@ def _only_model() -> type[BaseModel]:
 
 @cache
 def _links_model() -> type[BaseModel]:
-    field: Any = Field(default=[], alias="only", title="only", description="what differs on some")
+    field: Any = Field(default=[], alias="only", title="only", description="changes for some links")
     only: Any = (GenericAlias(list, (typed(_only_model()),)), field)
     return create_model("Links", __base__=_changes_model(), preset_=_PRESET, only_=only, **_parts())
 
 
 def _parts() -> dict[str, Any]:
-    """A medium and a bucket, of which beside a preset a part may be written."""
+    """Fields for a medium and a bucket that may be incomplete, for use with a preset."""
     hints = get_type_hints(LinkSettings, include_extras=True)
     found: dict[str, Any] = {}
     for name, cls in (("medium", HalfDuplex), ("bucket", Bucket)):
@@ -108,10 +108,10 @@ def _or_part(hint: Any, cls: type[Any]) -> Any:
 
 
 def _read_links(value: Any) -> Links:
-    written = with_preset(value)
-    if isinstance(written, dict) and isinstance(written.get("only"), list):
-        written = {**written, "only": [with_preset(entry) for entry in written["only"]]}
-    base = given(validated(_links_model(), written))
+    filled = with_preset(value)
+    if isinstance(filled, dict) and isinstance(filled.get("only"), list):
+        filled = {**filled, "only": [with_preset(entry) for entry in filled["only"]]}
+    base = given(validated(_links_model(), filled))
     only = tuple(LinkOverride(entry.pop("where"), entry) for entry in map(given, base.pop("only", ())))
     for settings_given in (base, *(entry.changes for entry in only)):
         settings_given.pop(PRESET, None)
@@ -124,4 +124,4 @@ def _dumped_links(links: Links) -> dict[str, Any]:
 
 
 LinksText = Annotated[Links, Reader(_read_links, _links_model, _dumped_links)]
-"""The scenario's `links:`, settings of all links and, under `only`, what differs on some."""
+"""The scenario's `links:`, settings of all links and, under `only`, changes for some."""

@@ -1,4 +1,4 @@
-"""Scenarios, the front door: a name or a file, with overrides, to a validated scenario and its plan."""
+"""Loads scenarios: from a name or a file, with overrides, to a validated scenario and its plan."""
 
 from __future__ import annotations
 
@@ -34,9 +34,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class LoadedScenario:
-    """A scenario that was read, and its plan.
+    """A scenario and its plan.
 
-    `notes`: what of the file is not in the plan, a sentence each. `files`: graphs and traces that it names.
+    scenario: the validated scenario.
+    plan: the compiled plan.
+    notes: parts of the file that are not in the plan, one sentence each.
+    files: graphs and traces that the scenario names.
     """
 
     scenario: Scenario
@@ -96,7 +99,7 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
 
 
 def _reach(*folders: Path) -> None:
-    """Let `kind: module:Class` find modules in these folders; what is installed comes first."""
+    """Let `kind: module:Class` find modules in these folders, after installed ones."""
     sys.path.extend(place for place in map(str, folders) if place not in sys.path)
 
 

@@ -1,4 +1,4 @@
-"""What one pace can do and the others cannot: carrier sense needs nominal time, a hog needs the clock."""
+"""What only some paces can do: carrier sense needs nominal time, a hog needs the wall clock."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ...transport.media_settings import Csma, HalfDuplex, Medium
 
 
 def check_pace(media: Iterable[Medium], faults: Iterable[Fault], *, realtime: bool) -> None:
-    """Refuse what a pace cannot do.
+    """Check media and faults against the pace.
 
     Args:
         media: of links, before faults.
         faults: of a timeline, or live ones.
-        realtime: whether agents go by the wall clock.
+        realtime: whether agents follow the wall clock.
     Raises:
-        BadInput: carrier sense by the wall clock, at the start or by a fault, or a hog elsewhere.
+        BadInput: carrier sense in realtime pace, from the start or by a fault, or a hog in another pace.
     """
     faults = list(faults)
     changed = (

@@ -1,7 +1,7 @@
-"""Partitions with names: who can still hear whom, and which links that cuts.
+"""Partitions by name: which agents can still hear which, and the links that this cuts.
 
-The senses are those of Jepsen's nemesis (bisect, split-one, bridge, majorities-ring), laid over any graph: a link is
-cut where its target would not hear its source.
+The kinds are those of Jepsen's nemesis (bisect, split-one, bridge, majorities-ring), for any graph: a link is cut if
+its target may not hear its source.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ _OF_AGENTS = ("isolate", "bridge")
 _HOW = f"write {', '.join(_ALONE)}, isolate 5, bridge 5, or groups of agents: [[1, 2], [3, 4]]"
 
 Receiver = Mapping[str, frozenset[str]]
-"""Agent → the agents that it can hear, itself among them."""
+"""Agent → the agents that it can hear, including itself."""
 
 
 @dataclass(frozen=True)
 class Partition:
-    """A partition as it is written: its kind and what that is about; kind `groups` has no name in a file."""
+    """A partition as it is given: its kind, and the groups of agents that it names."""
 
     kind: str
     groups: tuple[tuple[str, ...], ...] = ()
 
-    def written(self) -> Any:
-        """As plain data that reads back equal."""
+    def dump(self) -> Any:
+        """Plain data from which an equal partition is read."""
         if self.kind == "groups":
             return [list(group) for group in self.groups]
         return {self.kind: list(self.groups[0])} if self.groups else self.kind
@@ -43,10 +43,10 @@ class Partition:
 def read_partition(value: Any) -> Partition:
     """A partition from a name, `{isolate: 5}`, `isolate 5`, or a list of groups of agents.
 
-    In one text, `1,2 3,4` are two groups.
+    As a text, `1,2 3,4` is two groups.
 
     Raises:
-        BadInput: none of these.
+        BadInput: not a partition.
     """
     if isinstance(value, str):
         name, *rest = value.split() or [""]
@@ -75,10 +75,10 @@ def _groups(value: list[Any]) -> tuple[tuple[str, ...], ...]:
 
 @dataclass(frozen=True)
 class _Named:
-    """A partition about some agents.
+    """A partition that names agents.
 
-    isolate: each by itself, cut off from all others.
-    bridge: the one agent that two halves hear.
+    isolate: agents that are each cut off from all others.
+    bridge: the one agent that both halves can hear.
     """
 
     isolate: Words | None = None
@@ -92,7 +92,7 @@ PartitionWord = Annotated[
         lambda: alternatives(
             _Named, Literal["halves", "random", "majority-ring"], str, list[str | int | list[str | int]]
         ),
-        dump=lambda partition: partition.written(),
+        dump=Partition.dump,
     ),
 ]
 
@@ -101,7 +101,7 @@ def crossing(partition: Partition, places: Places) -> tuple[LinkName, ...]:
     """The links that a partition cuts, in natural order.
 
     Raises:
-        BadInput: an agent that is unknown, on two sides or on none, or a partition that cuts nothing here.
+        BadInput: an unknown agent, one on two sides or on none, or a partition that cuts no link.
     """
     hears = _HEARS[partition.kind](partition, places)
     cut = tuple((source, target) for source, target in places.links if source not in hears[target])
@@ -115,13 +115,13 @@ def _sides(sides: Iterable[Iterable[str]]) -> dict[str, frozenset[str]]:
 
 
 def _bisected(agents: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
-    """Two halves; of an odd number the second has one more."""
+    """Two halves; the second has one more of an odd number."""
     middle = len(agents) // 2
     return agents[:middle], agents[middle:]
 
 
 def _shuffled(places: Places) -> list[str]:
-    """The agents in an order drawn from the seed and the fault's id, one draw per agent."""
+    """The agents in a random order from the seed and the fault's id, one draw an agent."""
     draws = {name: stream(places.seed, "partition", places.fault_id, name).uniform(0) for name in places.agents}
     return sorted(places.agents, key=lambda name: draws[name])
 
@@ -140,7 +140,7 @@ def _isolated(partition: Partition, places: Places) -> Receiver:
 
 
 def _bridged(partition: Partition, places: Places) -> Receiver:
-    """Two halves, and one agent that hears both and is heard by both."""
+    """Two halves, and one agent that can hear both and that both can hear."""
     words = partition.groups[0]
     if len(words) != 1:
         raise BadInput(f"a bridge is one agent, not {len(words)}: write bridge 5")
@@ -151,7 +151,7 @@ def _bridged(partition: Partition, places: Places) -> Receiver:
 
 
 def _majority_ring(_partition: Partition, places: Places) -> Receiver:
-    """On a ring drawn from the seed each hears the ⌊n/2⌋ + 1 agents about it: a majority, and no two the same one."""
+    """On a random ring each agent can hear the ⌊n/2⌋ + 1 agents about it: a majority, and no two the same one."""
     ring = _shuffled(places)
     count = len(ring)
     majority = count // 2 + 1

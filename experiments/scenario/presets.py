@@ -1,8 +1,7 @@
 """Links of well-known hardware: `links: {preset: irda-115k, …}`, each number with its source.
 
-A preset is what a scenario might have written under `links:` itself; each is a file of its name. The numbers are
-typical ones of a class of hardware, not measurements; what no standard or data sheet says is left out, and so stays at
-its default.
+A preset has the fields that a scenario might have under `links:` itself, in a file of its name. The numbers are typical
+of a class of hardware, not measured; what no standard or data sheet says keeps its default.
 """
 
 from __future__ import annotations
@@ -26,7 +25,13 @@ _MERGED = ("medium", "queue", "bucket")
 
 @dataclass(frozen=True)
 class Preset:
-    """Settings of links as a scenario has them; field → where its number is from; what the preset does not have."""
+    """A preset.
+
+    links: settings as under `links:` of a scenario.
+    sources: field → source of its number.
+    about: the hardware.
+    missing: what the preset leaves out.
+    """
 
     links: Mapping[str, Any]
     sources: Mapping[str, str]
@@ -50,17 +55,17 @@ def _known(name: Any) -> str:
 PresetName = Annotated[str, Reader(_known, lambda: Literal[tuple(presets())])]
 
 
-def with_preset(written: Any) -> Any:
-    """A scenario's `links:` with the preset that it names filled in; what is written beside it counts.
+def with_preset(links: Any) -> Any:
+    """A scenario's `links:` with the fields of its preset filled in, where it has none of its own.
 
-    Of a medium, a queue and a bucket single fields may be written. An unknown name is left for the validator.
+    A medium, a queue and a bucket are merged field by field. An unknown preset is left for the validator.
     """
-    preset = presets().get(written[PRESET]) if isinstance(written, dict) and PRESET in written else None
+    preset = presets().get(links[PRESET]) if isinstance(links, dict) and PRESET in links else None
     if preset is None:
-        return written
-    filled = {**preset.links, **written}
+        return links
+    filled = {**preset.links, **links}
     for name in _MERGED:
-        own, given = preset.links.get(name), written.get(name)
+        own, given = preset.links.get(name), links.get(name)
         if (
             isinstance(own, Mapping)
             and isinstance(given, dict)

@@ -1,4 +1,4 @@
-"""What a scenario file may say, and what it becomes."""
+"""The fields of a scenario file, and the scenario that they make."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _not_negative(compute_ns: int) -> int:
 
 @dataclass(frozen=True)
 class AgentKind:
-    """What runs in agents: a kind, its parameters, and the nominal time from an event to what is sent because of it."""
+    """What runs in agents: a kind, its parameters, and the nominal time from an event to the frames that it causes."""
 
     kind: str
     parameters: Any
@@ -57,23 +57,23 @@ class AgentKind:
 
 @dataclass(frozen=True)
 class SomeAgents(AgentKind):
-    """Another kind for some agents; `where` as in faults, later entries on top."""
+    """Another kind for some agents; `where` as in faults, later entries take precedence."""
 
     where: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Agents(AgentKind):
-    """The kind of all agents and, under `only`, what others are."""
+    """The kind of all agents and, under `only`, that of some."""
 
     only: tuple[SomeAgents, ...] = ()
 
 
 @dataclass(frozen=True)
 class _EveryKind:
-    """Fields beside the parameters of a kind.
+    """Fields besides the parameters of a kind.
 
-    compute: nominal time from an event to what the agent sends because of it.
+    compute: nominal time from an event to the frames that the agent sends because of it.
     """
 
     compute: Annotated[Duration, Check(_not_negative)] = MILLISECOND_NS
@@ -90,7 +90,7 @@ class _Some(_EveryKind):
 
 
 def _read_agents(made: Any, beside: Any, value: Any) -> Any:
-    """A kind with its parameters, and what stands beside them."""
+    """A kind with its parameters and the other fields of the mapping."""
     kind, body = tagged(AGENTS, value)
     parameters = AGENTS.find(kind).Parameters
     values = given(read_model(model_of(parameters, tag=kind, beside=beside), {TAG: kind, **body}))
@@ -99,7 +99,7 @@ def _read_agents(made: Any, beside: Any, value: Any) -> Any:
 
 
 def _agents_text(beside: Any) -> Any:
-    """Every kind with its fields; one of a user's own class may have any."""
+    """The type of every kind with its fields; a kind of a user's own may have any fields."""
     shapes = [model_of(AGENTS.find(name).Parameters, tag=name, beside=beside) for name in AGENTS.names()]
     return any_of([*shapes, own_kind(**model_fields(beside))])
 
@@ -121,7 +121,7 @@ def _agents_reader(made: Any, beside: Any) -> Reader:
 class _All(_EveryKind):
     """Fields of `agents`.
 
-    only: what some agents are instead.
+    only: other kinds for some agents.
     """
 
     only: tuple[Annotated[SomeAgents, _agents_reader(SomeAgents, _Some)], ...] = ()
@@ -147,20 +147,20 @@ def _seed(seed: int) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A scenario, validated field by field; whether its parts fit together is for `compile_plan` to say.
+    """A scenario, validated field by field; `compile_plan` checks that its parts fit together.
 
-    name: names the run's folder; the file's own name unless given.
+    name: name of the run's folder; by default the name of the file.
     duration: nominal length of the run.
     topology: who is a neighbour of whom.
     agents: what runs in each agent.
-    paper: for people: what is reproduced.
-    description: for people: what this shows.
-    seed: every random draw follows from it.
+    paper: for readers: the paper that is reproduced.
+    description: for readers: what the scenario shows.
+    seed: seed of every random draw.
     world: the truth, and the sensors that look at it.
     groups: names for sets of agents, as in {left: [1, 2, 3]}, usable wherever agents and links are named.
-    links: settings of all links, and what differs on some.
+    links: settings of all links, and changes for some.
     faults: what changes, where, from when to when.
-    overload: whether media may be asked for more than they can carry.
+    overload: whether media may be offered more than they can carry.
     """
 
     name: Annotated[str, Check(_name)]
@@ -183,16 +183,16 @@ class Scenario:
 
 @cache
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a scenario file, for editors; `name` may be left out there, the file's own name stands for it."""
+    """JSON Schema of a scenario file, for editors; `name` is not required, as it defaults to the name of the file."""
     schema = TypeAdapter(typed(Scenario)).json_schema()
     required = [name for name in schema["required"] if name != "name"]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "required": required}
 
 
 def resolved_yaml(scenario: Scenario) -> str:
-    """The scenario as YAML with overrides and defaults in it, without faults that start after the end of the run.
+    """The scenario as YAML with all overrides and defaults, without faults that start after the end of the run.
 
-    Read back it is equal.
+    Reading it gives an equal scenario.
     """
     yaml = YAML(typ="safe", pure=True)
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]

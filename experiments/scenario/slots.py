@@ -1,4 +1,4 @@
-"""Slot plans of radios: agents that can be heard at one place take turns."""
+"""TDMA slots of radios: agents that can be received at one place take turns."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ...transport.media_settings import on_air
 
 
 def radio_slots(links: Mapping[LinkName, LinkSettings]) -> dict[str, tuple[int, int]]:
-    """Agent → (its slot, how many there are), for agents with a radio: a colouring at distance 2 of all that they have.
+    """Agent → (its slot, number of slots), for agents with a radio: a distance-2 colouring of the graph of radio links.
 
-    Two neighbours of one agent have different slots, so that no frame meets another, at its receiver or at its sender.
+    Neighbours of one agent have different slots, so that no two frames overlap at a receiver or a sender.
     """
     radios = nx.Graph(link for link, settings in links.items() if on_air(settings.medium))
     if not radios:

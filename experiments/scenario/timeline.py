@@ -1,4 +1,4 @@
-"""Faults as they are written, in a scenario's timeline or on the command line: what may stand in one entry."""
+"""Entries of a scenario's timeline of faults, or of a live fault."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DETAILS = {
     "where": "set",
     **dict.fromkeys(TROUBLES, "sensor"),
 }
-"""Fields that say more about one action, and mean nothing beside another."""
+"""Field → the only action that it belongs to."""
 
 
 def _exactly_one(names: Iterable[str]) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Spikes:
     """Samples that are off by ±`size`, each with this probability.
 
     size: a number, or one for each component, in the unit of the sensor.
-    probability: of each sample.
+    probability: probability that a sample is off.
     """
 
     size: Size
@@ -98,29 +98,29 @@ class FaultEntry:
     """One entry of a scenario's `faults:`.
 
     at: when it starts.
-    every: a random process that brings it about, in the place of `at`.
-    from: when that process begins.
-    until: when it ends; without an end it lasts.
+    every: a random process of failures and repairs, instead of `at`.
+    from: when the random process begins.
+    until: when it ends; by default it lasts to the end of the run.
     for: how long it lasts.
     cut: links over which nothing passes.
-    hold: links on which frames wait until the end.
+    hold: links on which frames wait until the fault ends.
     partition: halves, random, majority-ring, isolate 5, bridge 5, or groups of agents as in [[1, 2], rest].
     where: links on which `set` changes settings.
-    set: settings of links with their new values.
-    kill: agents whose process is killed; they start anew at the end.
-    keep_state: whether a killed agent starts with the state that it had.
-    pause: agents that do nothing meanwhile.
-    hog: agents beside which a load takes the processor.
-    share: of a processor that the load takes.
-    clock: agents whose clock is off.
+    set: new values of settings of links.
+    kill: agents whose process is killed; they are restarted when the fault ends.
+    keep_state: whether a killed agent is restarted with the state that it had.
+    pause: agents that handle no events meanwhile.
+    hog: agents whose processor is shared with another load.
+    share: share of the processor that the load takes.
+    clock: agents whose local clock is wrong.
     offset: by how much it is ahead.
     drift: by how much it is fast.
     sensor: sensors, as in 2.distance.
-    failed: whether they give nothing.
+    failed: whether they give no samples.
     stuck: whether they repeat their last sample.
     bias: added to each sample, in its unit: a number, or one for each component.
     noise: standard deviation of what is added to each sample, likewise.
-    spikes: some samples are far off.
+    spikes: outliers of some samples.
     """
 
     json_schema: ClassVar[Mapping[str, Any]] = {
@@ -159,7 +159,7 @@ class FaultEntry:
     spikes: Spikes | None = None
 
     def __post_init__(self) -> None:
-        """Check that it is one fault, with all that belongs to it and nothing else."""
+        """Check that the entry is one fault with its own fields."""
         self._check_times()
         self._check_action()
         self._check_details()
@@ -197,8 +197,8 @@ class FaultEntry:
             raise BadInput("a clock fault has an offset, a drift or both: offset: 20 ms, drift: 50 ppm")
         troubles = [name for name in TROUBLES if self.given(name) is not None]
         if self.sensor is not None and len(troubles) != 1:
-            told = " and ".join(troubles) or "none"
-            raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {told}: bias: 0.01")
+            named = " and ".join(troubles) or "none"
+            raise BadInput(f"a sensor fault is exactly one of {', '.join(TROUBLES)}, not {named}: bias: 0.01")
 
     def given(self, name: str) -> Any:
         """The value of a field by its name in a scenario; None if it is not given."""
@@ -206,20 +206,20 @@ class FaultEntry:
 
     @property
     def start_ns(self) -> int:
-        """When the fault, or the process that brings it about, starts."""
+        """Start of the fault or of the random process."""
         return (self.from_ or 0) if self.at is None else self.at
 
     @property
     def until_ns(self) -> int | None:
-        """When it ends; None: never."""
+        """End of the fault or of the random process; None if it does not end."""
         return self.until if self.for_ is None else self.start_ns + self.for_
 
     @property
     def action(self) -> str:
-        """Which of the actions it is."""
+        """The action of the entry, one of `ACTIONS`."""
         return next(name for name in ACTIONS if self.given(name) is not None)
 
     @property
     def place(self) -> str:
-        """The field that says where."""
+        """The name of the field with the places."""
         return "where" if self.action == "set" else self.action

@@ -1,4 +1,4 @@
-"""Traces from CSV files: a column of times and one of what was recorded, units in the heading."""
+"""Traces from CSV files: a column of times and one of recorded values, with units in the heading."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _TRACE, _FILE = "trace", "file"
 
 @dataclass(frozen=True)
 class LossTraceText:
-    """A trace of loss as a scenario has it: a file, or as a resolved scenario has it, its numbers.
+    """A trace of loss in a scenario: a file or, in a resolved scenario, its numbers.
 
-    file: CSV with columns such as `time_s` and `loss`.
-    times: instants from which on each of `losses` holds.
-    losses: probabilities.
-    repeat: after so long it starts anew.
+    file: CSV file with columns such as `time_s` and `loss`.
+    times: instants from which each of `losses` applies.
+    losses: probabilities of loss.
+    repeat: period after which the trace starts again.
     """
 
     file: str | None = None
@@ -41,12 +41,12 @@ class LossTraceText:
 
 @dataclass(frozen=True)
 class LatencyTraceText:
-    """A trace of latency as a scenario has it: a file, or as a resolved scenario has it, its numbers.
+    """A trace of latency in a scenario: a file or, in a resolved scenario, its numbers.
 
-    file: CSV with columns such as `time_s` and `latency_ms`.
-    times: instants from which on each of `latencies` holds.
-    latencies: of frames whose airtime ends then.
-    repeat: after so long it starts anew.
+    file: CSV file with columns such as `time_s` and `latency_ms`.
+    times: instants from which each of `latencies` applies.
+    latencies: latencies of frames whose airtime ends then.
+    repeat: period after which the trace starts again.
     """
 
     file: str | None = None
@@ -61,7 +61,7 @@ class LatencyTraceText:
 
 
 STAND_INS: dict[type[Any], type[Any]] = {LossTrace: LossTraceText, LatencyTrace: LatencyTraceText}
-"""Model → what a scenario writes in its place."""
+"""Model → the settings from which it is read."""
 
 
 def _numbers(
@@ -81,11 +81,11 @@ def read_trace(path: str, name: str) -> tuple[tuple[int, ...], tuple[float, ...]
     """Times [ns] and values of a trace.
 
     Args:
-        path: of a CSV file with a heading: `time_s` or another unit, and `loss` or `latency_ms` or another unit; other
-            columns are for people.
+        path: a CSV file with a heading: `time_s` or another unit, and `loss` or `latency_ms` or another unit; other
+            columns are ignored.
         name: "loss" for probabilities, "latency" for durations [ns].
     Raises:
-        BadInput: it cannot be read, a column is missing, a cell is no number, times go back; with file and line.
+        BadInput: unreadable file, missing column, a cell that is no number, or descending times; with file and line.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
@@ -113,7 +113,7 @@ def _columns(rows: Any, path: str, name: str) -> tuple[tuple[int, ...], tuple[fl
 
 
 def _later(place: str, text: str, unit: str, before: Sequence[int]) -> int:
-    """A time that comes after those before, the first one 0."""
+    """The time of a row, checked: the first is 0, each later than the one before."""
     time_ns = _duration(place, text, unit)
     if not before and time_ns:
         raise BadInput(f"{place}: the first time is {text} {unit}: start with 0, so that something holds before")
@@ -126,7 +126,7 @@ def _later(place: str, text: str, unit: str, before: Sequence[int]) -> int:
 
 
 def _column(path: str, heading: Sequence[str], name: str) -> tuple[int, str]:
-    """Index and unit of a column, no unit for a probability."""
+    """Index and unit of a column; a probability has none."""
     pattern = re.compile("loss" if name == "loss" else f"{name}{_IN_TIME}")
     found = [(index, match) for index, cell in enumerate(heading) if (match := pattern.fullmatch(cell))]
     if len(found) != 1:
@@ -157,12 +157,12 @@ def _probability(place: str, text: str) -> float:
 
 
 def anchor(node: Any, folder: Callable[[tuple[str, ...]], Path], place: tuple[str, ...] = ()) -> list[Path]:
-    """Make the paths of trace files in plain data absolute, so that they mean the same wherever they are read.
+    """Make the paths of trace files in plain data absolute, in place.
 
     Args:
-        node: a mapping or list, changed where it names a file.
-        folder: from the place of a path to the folder that it is relative to.
-        place: where the node stands.
+        node: a mapping or list.
+        folder: the folder to which the path at a place is relative.
+        place: place of the node.
     Returns:
         The paths.
     """

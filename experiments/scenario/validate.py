@@ -1,4 +1,4 @@
-"""What a plan asks of its media and of the machine: airtime utilisation, puts per second, slack."""
+"""The load of a plan on its media and on the machine: airtime utilisation, puts per second, slack."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from ...agents import registry
 from ...agents.plan import Plan
 from ...errors import BadInput
+from ...names import first_of
 from ...topologies import natural_key
 from ...transport.faults import LinkName
 from ...transport.links import LinkSettings
 from ...transport.media_settings import ACCESSES, HalfDuplex, Tdma, on_air
 from .consistency import slots_of
-from .fault_conflicts import vain_faults
+from .fault_conflicts import ineffective_faults
 from .graph_changes import GraphChanges, graph_changes
 
 _NAMED = 4
@@ -21,11 +22,14 @@ _NAMED = 4
 
 @dataclass(frozen=True)
 class MediumUse:
-    """What one medium carries, before faults.
+    """The load of one medium, before faults.
 
-    `medium` is a direction `3>7`, an edge `3-7` whose directions share the air, or the air at an agent, `air 3`, which
-    its own radio and those of its neighbours share; `frames_per_second` and
-    `utilisation`, a fraction of what the medium can carry, are None where the agent's kind does not tell.
+    medium: a direction `3>7`, an edge `3-7` whose directions share the medium, or the air at an agent, `air 3`, which
+        its own radio and those of its neighbours share.
+    access: kind of medium access.
+    airtime_ns: airtime of the largest frame.
+    frames_per_second: frames in a second; None if the agent's kind does not declare it.
+    utilisation: used fraction of what the medium can carry; None if the agent's kind does not declare it.
     """
 
     medium: str
@@ -37,9 +41,16 @@ class MediumUse:
 
 @dataclass(frozen=True)
 class Validation:
-    """What a plan asks for. `slack_ns` is the time that the hardest pressed link leaves to the machine.
+    """The load of a plan.
 
-    `graph` says how the graph changes, where it does; `vain` are sentences about faults that change nothing.
+    name: name of the scenario.
+    agents: number of agents.
+    rows: load of each medium.
+    puts_per_second: frames of all links in a second; None if unknown.
+    largest_payload: in bytes; None if unknown.
+    slack_ns: shortest time of all links that the machine has from an event to the arrival of the frame that it causes.
+    graph: changes of the graph; None if it does not change.
+    notes: sentences about faults without effect.
     """
 
     name: str
@@ -49,34 +60,34 @@ class Validation:
     largest_payload: int | None
     slack_ns: int
     graph: GraphChanges | None = None
-    vain: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def overloaded(self) -> tuple[MediumUse, ...]:
-        """Media that are asked for more than they can carry."""
+        """Media that are offered more than they can carry."""
         return tuple(row for row in self.rows if row.utilisation is not None and row.utilisation > 1)
 
 
 def validate_plan(plan: Plan, overload: bool = False) -> Validation:
-    """What a plan asks for.
+    """The load of a plan.
 
     Raises:
-        BadInput: a medium would be used for more than all of its time, and `overload` is false.
+        BadInput: a medium is offered more than it can carry, and `overload` is false.
     """
     offers = {agent.name: registry.find(agent.kind).offers(plan, agent.name) for agent in plan.agents}
     payloads = {name: offer.largest_payload for name, offer in offers.items()}
     rates = {name: offer.per_second for name, offer in offers.items()}
-    told = [payload for payload in payloads.values() if payload is not None]
+    declared = [payload for payload in payloads.values() if payload is not None]
     compute = {agent.name: agent.compute_ns for agent in plan.agents}
     validation = Validation(
         plan.name,
         len(plan.agents),
         tuple(_rows(plan, payloads, rates)),
         _total([rates[source] for source, _ in plan.links]),
-        max(told, default=None),
+        max(declared, default=None),
         min(compute[source] + settings.lookahead_ns() for (source, _), settings in plan.links.items()),
         graph_changes(plan),
-        tuple(vain_faults(plan)),
+        tuple(ineffective_faults(plan)),
     )
     if validation.overloaded and not overload:
         raise BadInput(_overload_message(validation.overloaded))
@@ -106,13 +117,13 @@ def _rows(plan: Plan, payloads: dict[str, int | None], rates: dict[str, float | 
 
 
 def _slot_share(plan: Plan, link: LinkName, access: Tdma, airtime_ns: int) -> float:
-    """What one frame a second takes of the own slots."""
+    """The share of its own slots that one frame a second takes."""
     fits = access.usable_ns(slots_of(plan, link)) // airtime_ns if airtime_ns else None
     return 0.0 if fits is None else 1 / (fits * access.cycle)
 
 
 def _air_rows(plan: Plan, use: Callable[[LinkName, LinkSettings], tuple[int, float | None]]) -> Iterator[MediumUse]:
-    """The air at each agent with a radio; with tdma the own slots are what can be used up."""
+    """The load of the air at each agent with a radio; with TDMA that of its own slots."""
     radios: dict[str, tuple[int, float | None]] = {}
     near: dict[str, list[LinkName]] = {}
     for link, settings in plan.links.items():
@@ -140,15 +151,14 @@ def _times(rate: float | None, seconds: float) -> float | None:
 
 
 def _total(parts: list[float | None]) -> float | None:
-    told = [part for part in parts if part is not None]
-    return sum(told) if len(told) == len(parts) else None
+    known = [part for part in parts if part is not None]
+    return sum(known) if len(known) == len(parts) else None
 
 
 def _overload_message(rows: tuple[MediumUse, ...]) -> str:
-    worst = sorted(rows, key=lambda row: -(row.utilisation or 0))[:_NAMED]
-    named = ", ".join(f"{row.medium} {row.utilisation:.0%}" for row in worst)
-    more = f" and {len(rows) - len(worst)} more" if len(rows) > len(worst) else ""
+    worst = sorted(rows, key=lambda row: -(row.utilisation or 0))
+    named = first_of([f"{row.medium} {row.utilisation:.0%}" for row in worst], _NAMED)
     return (
-        f"airtime utilisation is above 100 % on {named}{more}: "
+        f"airtime utilisation is above 100 % on {named}: "
         "send less or less often, raise links.rate, or write overload: true"
     )

@@ -1,4 +1,4 @@
-"""Reading YAML with positions: where each value stands, overrides from the command line, errors that name the place."""
+"""YAML with positions, overrides from the command line, and errors that name the place."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ...errors import BadInput
 from ...topologies.over_time import GRAPHS
 
 Loc = tuple[str | int, ...]
-"""Where a value stands: keys and indices from the top."""
+"""Place of a value: keys and indices from the top."""
 
 _CHOICES = {"loss", "corruption", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
-"""Fields in which one key chooses a model: to set another key there is to choose another model."""
+"""Fields in which one key chooses a model: setting another key there replaces the model."""
 
 
 class Problem(NamedTuple):
-    """Something wrong at a place, with a value or a key there, or with a field that should be there.
+    """An error at a place: of a value, of a key, or of a missing field.
 
-    Parts of `loc` that the file does not have are skipped; a missing field is named all the same.
+    Parts of `loc` that the file does not have are skipped, except the name of a missing field.
     """
 
     loc: Loc
@@ -34,7 +34,7 @@ class Problem(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """A mapping read from a file, with overrides applied.
+    """A mapping from a file, with overrides applied.
 
     tree: the root node of the file, with positions.
     data: the values in force, as plain data.
@@ -47,7 +47,7 @@ class Document:
     overrides: dict[tuple[str, ...], str]
 
     def error(self, problems: Iterable[Problem]) -> BadInput:
-        """One error that lists all problems, a line each: place, field, message."""
+        """One error with all problems, a line each: place, field, message."""
         return BadInput("\n".join(self._line(problem) for problem in problems))
 
     def _line(self, problem: Problem) -> str:
@@ -56,7 +56,7 @@ class Document:
         return f"{place}: {what.removeprefix(place.removeprefix('--set ') + ': ')}"
 
     def is_overridden(self, path: Loc) -> bool:
-        """Whether a value comes from the command line and not from the file."""
+        """Whether a value comes from the command line."""
         return bool(self._covering(path))
 
     def _covering(self, path: Loc) -> list[tuple[str, ...]]:
@@ -64,7 +64,7 @@ class Document:
         return [override for override in self.overrides if override == words[: len(override)]]
 
     def _place(self, path: Loc, of_key: bool) -> str:
-        """The position of a value or its key, or the override that it came from."""
+        """The position of a value or its key in the file, or the override that set it."""
         if covering := self._covering(path):
             return f"--set {self.overrides[max(covering, key=len)]}"
         node, mark = self.tree, self.tree.start_mark
@@ -81,7 +81,7 @@ def _words(path: Loc) -> tuple[str, ...]:
 
 
 def existing(data: Any, loc: Loc) -> Loc:
-    """The parts of a place that stand in the data, indices as numbers, without what only the validator knows."""
+    """The parts of a place that the data has, with indices as numbers."""
     path: Loc = ()
     for part in loc:
         index = int(part) if isinstance(data, list) and str(part).isdecimal() else part
@@ -93,7 +93,7 @@ def existing(data: Any, loc: Loc) -> Loc:
 
 
 def describe(data: Any, problem: Problem) -> str:
-    """The field and what is wrong with it, as `links.rate: is missing`."""
+    """A field and its problem, such as `links.rate: is missing`."""
     path = existing(data, problem.loc) + (problem.loc[-1:] if problem.about == "missing field" else ())
     return ": ".join(filter(None, (".".join(_words(path)), problem.message)))
 
@@ -181,7 +181,7 @@ def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Docum
     """A mapping from YAML text, with overrides such as `links.loss.bernoulli=0.3`.
 
     Raises:
-        BadInput: not YAML, empty, not a mapping, or an override that is none.
+        BadInput: not YAML, empty, not a mapping, or an invalid override.
     """
     tree, data = _parsed(text, label)
     if tree is None:
@@ -195,7 +195,7 @@ def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Docum
 def assign(
     data: dict[str, Any], assignments: Sequence[str], label: str = ""
 ) -> tuple[dict[str, Any], dict[tuple[str, ...], str]]:
-    """`data` with each `KEY=VALUE` put in its place, and for each the path from which on it made everything new.
+    """`data` with each assignment `KEY=VALUE` made, and the path below which each assignment set everything.
 
     KEY is a dotted path, with indices into lists; VALUE is YAML. A path through a model of another name replaces it.
 
@@ -204,14 +204,14 @@ def assign(
     """
     keys: dict[tuple[str, ...], str] = {}
     for text in assignments:
-        key, equals, written = text.partition("=")
+        key, equals, value = text.partition("=")
         path = tuple(key.strip().split("."))
         if not equals or not all(path):
             raise BadInput(f"{label}{text}: write KEY=VALUE, for example links.loss.bernoulli=0.3")
         place = f"{label}{key.strip()}"
         try:
             new = _new_from(data, path)
-            data = _put(data, path, parse(written, place), "")
+            data = _put(data, path, parse(value, place), "")
         except BadInput as error:
             raise BadInput(str(error) if str(error).startswith(place) else f"{place}: {error}") from error
         keys = {old: name for old, name in keys.items() if old[: len(new)] != new} | {new: key.strip()}
@@ -223,7 +223,7 @@ def _chooses(name: str, key: str) -> bool:
 
 
 def _new_from(node: Any, path: tuple[str, ...]) -> tuple[str, ...]:
-    """The first part of a path: up to what is not there, is no container, or gives way to another model."""
+    """The start of a path, up to the first part that is absent, no container, or replaced by another model."""
     for depth, part in enumerate(path):
         below = existing(node, (part,))
         if not below:
@@ -234,7 +234,7 @@ def _new_from(node: Any, path: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _put(node: Any, path: tuple[str, ...], value: Any, name: str) -> Any:
-    """The node with `value` at `path` below it; `name` is the field that the node stands in."""
+    """The node with `value` at `path` below it; `name`: the field of the node."""
     if not path:
         return value
     head, rest = path[0], path[1:]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -40,6 +40,12 @@ def check_length(name: str, most: int, what: str) -> str:
     if size > most:
         raise BadInput(f"{what} {name[:_SHOWN]}… has {size} bytes: it may have at most {most}")
     return name
+
+
+def first_of(words: Sequence[str], most: int) -> str:
+    """The first words, separated by commas, and the number of further ones: "a, b and 3 more"."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return f"{', '.join(words[:most])}{more}"
 
 
 def imported(target: str, what: str) -> Any:

@@ -1,4 +1,4 @@
-"""Faults that contradict each other or change nothing, in the timeline: refused, or said by `vain_faults`."""
+"""Faults that contradict each other or change nothing, in the timeline: refused, or said by `ineffective_faults`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.console import Console
 from volery.errors import BadInput
 from volery.experiments.cli.scenario_tables import validation_table
 from volery.experiments.scenario.compile import compile_plan
-from volery.experiments.scenario.fault_conflicts import vain_faults
+from volery.experiments.scenario.fault_conflicts import ineffective_faults
 from volery.experiments.scenario.validate import validate_plan
 from volery.transport.faults import SensorFault
 
@@ -61,30 +61,30 @@ def test_what_only_meets_is_allowed(load: Load, fields: list[str]) -> None:
     compile_plan(load(replacing=("", "".join(f"  - {{{field}}}\n" for field in fields))))
 
 
-def test_chance_may_do_in_vain_what_nobody_may_write(load: Load) -> None:
-    """A drawn failure of a link that is cut already is allowed, and told."""
+def test_random_faults_may_be_without_effect(load: Load) -> None:
+    """A drawn failure of a link that is cut already is allowed, and noted."""
     scenario = load(replacing=("", "  - {every: {mtbf: 0.1 s, mttr: 50 ms}, from: 3 s, until: 4 s, cut: 1-2}\n"))
-    (told,) = vain_faults(compile_plan(scenario))
-    assert told.startswith("fault t3.1: already cut: 1>2, 2>1")
+    (note,) = ineffective_faults(compile_plan(scenario))
+    assert note.startswith("fault t3.1: already cut: 1>2, 2>1")
 
 
 def test_faults_of_links_that_carry_nothing_are_told(load: Load) -> None:
     """A silent source, or an edge that is not there meanwhile; what carries frames is not named."""
     silent = load("agents={kind: beacon, talkers: [1]}", "links={latency: 1 ms}", "faults.1.where=2>1")
-    assert list(vain_faults(compile_plan(silent))) == [
+    assert list(ineffective_faults(compile_plan(silent))) == [
         "fault t1: 2>1 carries nothing: 2 never sends",
         "fault t2: 2>1 carries nothing: 2 never sends",
     ]
     edges = "topology={edges: {1-2: [[0 s, 3 s]], 2-3: always}}"
     absent = load("agents={kind: beacon}", "links={latency: 1 ms}", edges)
-    assert list(vain_faults(compile_plan(absent))) == [
+    assert list(ineffective_faults(compile_plan(absent))) == [
         "fault t1: 1>2, 2>1 carry nothing: the graph has no such edge then",
         "fault t2: 1>2, 2>1 carry nothing: the graph has no such edge then",
     ]
-    assert list(vain_faults(compile_plan(load()))) == []
+    assert list(ineffective_faults(compile_plan(load()))) == []
 
 
-def test_validate_says_what_is_vain(load: Load) -> None:
+def test_validate_names_faults_without_effect(load: Load) -> None:
     """Below its table, a line for each entry."""
     plan = compile_plan(load("agents={kind: beacon, talkers: [1]}", "links={latency: 1 ms}", "faults.1.where=2>1"))
     console = Console(file=io.StringIO(), width=200)

@@ -113,4 +113,4 @@ def test_a_partition_is_one_fault_at_one_instant() -> None:
     }
     for written in ("halves", "isolate 5", "bridge 5", "majority-ring", [[1, 2], "rest"]):
         partition = read_partition(written)
-        assert read_partition(partition.written()) == partition
+        assert read_partition(partition.dump()) == partition
