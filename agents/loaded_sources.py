@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import linecache
 import sys
 import sysconfig
 from functools import cache
+from inspect import isclass, isfunction
 from pathlib import Path
 
 MAIN = "__main__"
-_OWN = __package__.partition(".")[0]
+_NOT_USERS = {__package__.partition(".")[0], "__mp_main__"}
+"""Volery, and what multiprocessing calls `__main__` too."""
 _INSTALLED = {"site-packages", "dist-packages"}
 
 
@@ -17,9 +20,20 @@ def loaded_sources() -> dict[str, str]:
     found = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if file and name.partition(".")[0] != _OWN and _is_users(Path(file)):
+        if file and name.partition(".")[0] not in _NOT_USERS and _is_users(Path(file)):
             found[name] = str(Path(file).absolute())
     return found
+
+
+def cells_text() -> str:
+    """Text of the cells of a notebook in which functions and classes of `__main__` are defined; empty in a script."""
+    main = sys.modules[MAIN]
+    if getattr(main, "__file__", None):
+        return ""
+    own = [value for value in list(vars(main).values()) if getattr(value, "__module__", None) == MAIN]
+    methods = [method for value in own if isclass(value) for method in vars(value).values()]
+    cells = dict.fromkeys(each.__code__.co_filename for each in (*own, *methods) if isfunction(each))
+    return "\n".join(filter(None, ("".join(linecache.getlines(cell)) for cell in cells)))
 
 
 def _is_users(path: Path) -> bool:

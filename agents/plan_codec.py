@@ -11,7 +11,8 @@ begins with "$":
     {"$is": "module:Class", "field": …}  a frozen dataclass or a named tuple by its fields; {"$enum": "module:Class", …}
     {"$same": 3}                         the object that has "$id": 3
 
-Code is named and never carried. Whoever only reads a plan imports nothing of the users': see `Opaque`.
+Code is named; beside the plan stands, by value, what is named in modules that no other process can import, see
+`code_by_value`. Whoever only reads a plan imports and loads nothing of the users': see `Opaque`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..errors import BadInput
+from .code_by_value import goes_by_value, module_of, packed, unpacked
 from .plan import Plan
 
 FORMAT, VERSION = "volery plan", 1
@@ -53,18 +55,27 @@ class Opaque:
     fields: Mapping[str, Any]
 
 
-def encode_plan(plan: Plan, modules: Mapping[str, str] | None = None, store: Store | None = None) -> str:
+def encode_plan(plan: Plan, store: Store | None = None) -> str:
     """The JSON text of a plan.
 
     Args:
         plan: what to encode.
-        modules: module → the name under which it is found where the plan is read, such as that of a kept source.
         store: for large arrays; without it they stand in the text.
     Raises:
-        BadInput: a value that has no encoding; the message names the field.
+        BadInput: a value that has no encoding; the message names the field. Code that cannot go by value.
     """
-    encoded = _Encoder(modules or {}, store).value(plan, "plan")
-    return json.dumps({"format": FORMAT, "version": VERSION, "plan": encoded}, allow_nan=False)
+    encoder = _Encoder(store)
+    encoded = encoder.value(plan, "plan")
+    code = {module: packed(module, sorted(names)) for module, names in encoder.by_value.items()}
+    document = {"format": FORMAT, "version": VERSION, **({"code": code} if code else {}), "plan": encoded}
+    return json.dumps(document, allow_nan=False)
+
+
+def named_by_value(plan: Plan) -> list[str]:
+    """What a plan names, as module:Name, that no other process can import."""
+    encoder = _Encoder(None)
+    encoder.value(plan, "plan")
+    return [f"{module}:{name}" for module, names in encoder.by_value.items() for name in sorted(names)]
 
 
 def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = False) -> Plan:
@@ -73,9 +84,10 @@ def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = Fals
     Args:
         text: from `encode_plan`.
         fetch: gives the bytes of large arrays by their names.
-        only_read: import nothing outside volery; values of users' classes are `Opaque`.
+        only_read: import and load nothing outside volery; values of users' classes are `Opaque`.
     Raises:
         BadInput: no such text, another version, or a class that is not there.
+        OtherPython: it has code by value from another version of Python.
     """
     try:
         document = json.loads(text)
@@ -85,7 +97,9 @@ def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = Fals
         raise BadInput(f'not a plan: it does not say "format": "{FORMAT}"')
     if document["version"] != VERSION:
         raise BadInput(f"a plan of version {document['version']}, and this volery reads version {VERSION}")
-    plan = _Decoder(fetch, only_read=only_read).value(document["plan"])
+    code = {} if only_read else document.get("code", {})
+    modules = {module: unpacked(carried) for module, carried in code.items()}
+    plan = _Decoder(fetch, modules, only_read=only_read).value(document["plan"])
     if not isinstance(plan, Plan):
         raise BadInput(f"not a plan but {type(plan).__name__}")
     return plan
@@ -97,7 +111,7 @@ def encode_value(value: Any, store: Store | None = None) -> Any:
     Raises:
         BadInput: it has no encoding.
     """
-    return _Encoder({}, store).value(value, "value")
+    return _Encoder(store).value(value, "value")
 
 
 def decode_value(encoded: Any, fetch: Fetch | None = None, *, only_read: bool = False) -> Any:
@@ -106,15 +120,18 @@ def decode_value(encoded: Any, fetch: Fetch | None = None, *, only_read: bool = 
     Raises:
         BadInput: a class that is not there.
     """
-    return _Decoder(fetch, only_read=only_read).value(encoded)
+    return _Decoder(fetch, {}, only_read=only_read).value(encoded)
 
 
 class _Encoder:
-    """One encoding. Objects that stand in several places are written once."""
+    """One encoding. Objects that stand in several places are written once.
 
-    def __init__(self, modules: Mapping[str, str], store: Store | None) -> None:
-        self._modules = modules
+    `by_value`: module → names in it, of code that other processes cannot import.
+    """
+
+    def __init__(self, store: Store | None) -> None:
         self._store = store
+        self.by_value: dict[str, set[str]] = {}
         self._seen: dict[int, tuple[dict[str, Any], object]] = {}
         self._writers: dict[type, Callable[[Any, str], Any]] = {
             str: self._text,
@@ -141,9 +158,14 @@ class _Encoder:
         return self._object(value, path)
 
     def _text(self, text: str, _path: str) -> str:
-        """A text; where it names code in a module that is found under another name, under that."""
-        match = _CODE.fullmatch(text)
-        return f"{self._modules[match[1]]}:{match[2]}" if match and match[1] in self._modules else text
+        if match := _CODE.fullmatch(text):
+            self._note(match[1], match[2])
+        return text
+
+    def _note(self, module: str, name: str) -> None:
+        outer = name.partition(".")[0]
+        if goes_by_value(module, outer):
+            self.by_value.setdefault(module, set()).add(outer)
 
     def _items(self, values: Any, path: str) -> list[Any]:
         return [self.value(item, f"{path}.{index}") for index, item in enumerate(values)]
@@ -180,7 +202,9 @@ class _Encoder:
     def _name(self, kind: type, path: str) -> str:
         if "<locals>" in kind.__qualname__:
             _refuse(path, f"{kind.__qualname__} is defined in a function, where no other process finds it")
-        return f"{self._modules.get(kind.__module__, kind.__module__)}:{kind.__qualname__}"
+        module = module_of(kind)
+        self._note(module, kind.__qualname__)
+        return f"{module}:{kind.__qualname__}"
 
 
 def _number_kind(kind: np.dtype[Any], path: str) -> str:
@@ -217,10 +241,11 @@ def _special_float(text: str) -> float:
 
 
 class _Decoder:
-    """One decoding."""
+    """One decoding; `modules`: module → the name under which it is found here."""
 
-    def __init__(self, fetch: Fetch | None, *, only_read: bool) -> None:
+    def __init__(self, fetch: Fetch | None, modules: Mapping[str, str], *, only_read: bool) -> None:
         self._fetch = fetch
+        self._modules = modules
         self._only_read = only_read
         self._seen: dict[int, Any] = {}
         self._readers: dict[str, Callable[[dict[str, Any]], Any]] = {
@@ -240,6 +265,8 @@ class _Decoder:
     def value(self, encoded: Any) -> Any:
         if isinstance(encoded, list):
             return [self.value(item) for item in encoded]
+        if isinstance(encoded, str) and (match := _CODE.fullmatch(encoded)) and match[1] in self._modules:
+            return f"{self._modules[match[1]]}:{match[2]}"
         if not isinstance(encoded, dict):
             return encoded
         tag = next(iter(encoded), "")
@@ -278,7 +305,7 @@ class _Decoder:
         if self._only_read and module.partition(".")[0] != _OWN:
             return None
         try:
-            found: Any = import_module(module)
+            found: Any = import_module(self._modules.get(module, module))
             for part in path.split("."):
                 found = getattr(found, part)
         except (ImportError, AttributeError) as error:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 from ..kinds import Kinds
 from .agent import Agent
 
@@ -28,7 +26,6 @@ _WORLD_AGENTS = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}
 """Kinds that run beside the agents and that no scenario can name."""
 
 
-@cache
 def find(kind: str) -> type[Agent]:
     """The class of a kind, that of a world agent included.
 

@@ -28,12 +28,12 @@ from ..transport.keys import Keys
 from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
 from .record.evaluation_pass import evaluate_run
-from .record.kept_sources import keep_sources, kept_modules
+from .record.kept_sources import keep_sources
 from .record.machine import fingerprint, git_state, libraries
 from .record.plan_file import write_plan
 from .record.record import Record, load
 from .record.recorder import BackgroundSink, Recorder
-from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE, SOURCES_FOLDER
+from .record.run_files import EVALUATION_PROBLEM, FIGURES_FOLDER, INFO_FILE, SCENARIO_FILE
 from .scenario.fault_labels import in_words
 from .scenario.paces import check_pace
 from .swarm.control_server import ControlServer
@@ -111,7 +111,7 @@ def execute(
     (folder / SCENARIO_FILE).write_text(scenario, "utf-8")
     info = _info(plan, options)
     try:
-        write_plan(folder, plan, kept_modules())
+        write_plan(folder, plan)
         keep_sources(folder, loaded_sources())
         _write_info(folder, {**info, "status": "running"})
         with Recorder(folder) as recorder, _set_on_signals(stop):
@@ -193,7 +193,7 @@ def _in_a_loop(work: Coroutine[Any, Any, Ending]) -> Ending:
 async def _run_swarm(
     plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None, stop: threading.Event
 ) -> Ending:
-    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen, folder / SOURCES_FOLDER)
+    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
     injector = Injector(swarm)
     control_server = ControlServer(swarm, injector)
     loop = asyncio.get_running_loop()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import reprlib
+import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
@@ -66,10 +67,16 @@ def _in_words(hint: Any) -> str:
     return re.sub(r"\b[a-z_.]+\.", "", inspect.formatannotation(hint))
 
 
+def _given(agents: Any, world: Any) -> dict[str, Any]:
+    return {name: value for name, value in (("agents", agents), ("world", world)) if value is not None}
+
+
 @checked
-def run(
+def run(  # noqa: PLR0913 - all but one by name
     scenario: str | Path | Mapping[str, Any],
     *,
+    agents: str | type | Mapping[str, Any] | None = None,
+    world: Any = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
     pace: Literal["realtime", "lockstep"] = "realtime",
@@ -97,7 +104,10 @@ def run(
     In a notebook it waits too; Ctrl-C, or the button that interrupts, ends the run early and keeps what was recorded.
 
     Args:
-        scenario: name of a built-in scenario, path of a YAML file, or the fields themselves.
+        scenario: name of a built-in scenario, path of a YAML file, or the fields themselves; wherever they name code,
+            a class or function may stand itself, also one that is defined in the script or notebook.
+        agents: instead of the scenario's: a kind or class, or a mapping as in a scenario.
+        world: instead of the scenario's: a kind or class, a mapping as in a scenario, or an object of settings.
         overrides: fields to set, such as "links.loss.bernoulli=0.3"; the last one of a field counts.
         engine: one process per agent over Zenoh, or all agents in this process.
         pace: by the wall clock, or as fast as the promises of the neighbours allow.
@@ -112,13 +122,15 @@ def run(
         RunFailed: the swarm could not be started.
     """
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
-    return run_scenario(scenario, overrides, options)
+    return run_scenario(scenario, overrides, _given(agents, world), options, threading.Event())
 
 
 @checked
-async def run_async(
+async def run_async(  # noqa: PLR0913 - all but one by name
     scenario: str | Path | Mapping[str, Any],
     *,
+    agents: str | type | Mapping[str, Any] | None = None,
+    world: Any = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
     pace: Literal["realtime", "lockstep"] = "realtime",
@@ -129,7 +141,7 @@ async def run_async(
 ) -> Run:
     """Run a scenario as `run` does, while the event loop goes on; a task that is cancelled ends its run early."""
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
-    return await run_scenario_async(scenario, overrides, options)
+    return await run_scenario_async(scenario, overrides, _given(agents, world), options)
 
 
 @checked
@@ -139,6 +151,8 @@ def sweep(  # noqa: PLR0913 - all but two by name
     *,
     repeat: int = 1,
     random: int | None = None,
+    agents: str | type | Mapping[str, Any] | None = None,
+    world: Any = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "twin",
     runs: str | Path = "runs",
@@ -160,6 +174,8 @@ def sweep(  # noqa: PLR0913 - all but two by name
             {"filter": {"plain": ["agents.rounds=3"], "fast": ["agents.rounds=9", "links.rate=1 Mbit/s"]}}.
         repeat: runs of each combination, with the scenario's seed and the seeds that follow it.
         random: number of random combinations to run instead of all.
+        agents: as for `run`.
+        world: as for `run`.
         overrides: fields to set in all runs.
         engine: all agents in one process, or one process per agent over Zenoh in lockstep pace.
         runs: folder of runs.
@@ -180,7 +196,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
     from .cli.progress_display import run_shown
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
-    plan = plan_sweep(scenario, overrides, over, random, options.engine)
+    plan = plan_sweep(scenario, overrides, over, random, options.engine, _given(agents, world))
     for note in plan.notes:
         warnings.warn(note, stacklevel=3)
     return run_shown(plan, options, Console(stderr=True)) if progress else run_sweep(plan, options)

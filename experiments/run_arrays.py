@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import tempfile
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -15,7 +13,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..errors import BadInput
 from .analysis.export import frame_columns
 from .analysis.metrics import Metrics, compute_metrics
 from .execution import Options, execute
@@ -23,7 +20,7 @@ from .figures import run_figures as figures
 from .record.record import Record, load
 from .record.run_files import FIGURES_FOLDER
 from .record.samples import Samples, samples
-from .scenario.load import LoadedScenario, load_scenario, resolved_yaml
+from .scenario.load import Source, load_scenario, resolved_yaml
 from .scenario.validate import validate_plan
 
 
@@ -78,18 +75,15 @@ class Run:
 
 
 def run_scenario(
-    scenario: str | Path | Mapping[str, Any],
-    overrides: Sequence[str],
-    options: Options,
-    stop: threading.Event | None = None,
+    scenario: Source, overrides: Sequence[str], given: Mapping[str, Any], options: Options, stop: threading.Event
 ) -> Run:
-    """Run a scenario to the end, or until `stop` is set, without a display.
+    """Run a scenario to the end, or until `stop` is set, without a display; `given` as for `load_scenario`.
 
     Raises:
         BadInput: the scenario or an option does not fit.
         RunFailed: the swarm could not be started.
     """
-    read = read_any(scenario, overrides)
+    read = load_scenario(scenario, overrides, given)
     for note in read.notes:
         warnings.warn(note, stacklevel=4)
     validate_plan(read.plan, read.scenario.overload)
@@ -98,7 +92,7 @@ def run_scenario(
 
 
 async def run_scenario_async(
-    scenario: str | Path | Mapping[str, Any], overrides: Sequence[str], options: Options
+    scenario: Source, overrides: Sequence[str], given: Mapping[str, Any], options: Options
 ) -> Run:
     """The same in another thread; where the task is cancelled, the run is ended first, and kept.
 
@@ -107,34 +101,13 @@ async def run_scenario_async(
         RunFailed: the swarm could not be started.
     """
     stop = threading.Event()
-    running = asyncio.create_task(asyncio.to_thread(run_scenario, scenario, overrides, options, stop))
+    running = asyncio.create_task(asyncio.to_thread(run_scenario, scenario, overrides, given, options, stop))
     try:
         return await asyncio.shield(running)
     except asyncio.CancelledError:
         stop.set()
         await asyncio.wait([running])
         raise
-
-
-def read_any(scenario: str | Path | Mapping[str, Any], overrides: Sequence[str]) -> LoadedScenario:
-    """The scenario of a name, a path or the fields themselves.
-
-    Raises:
-        BadInput: it is none.
-    """
-    return _from_mapping(scenario, overrides) if isinstance(scenario, Mapping) else load_scenario(scenario, overrides)
-
-
-def _from_mapping(fields: Mapping[str, Any], overrides: Sequence[str]) -> LoadedScenario:
-    """Through a file, the one way to read a scenario; the topology as an override, so that paths in it start here."""
-    with tempfile.TemporaryDirectory(prefix="volery-") as private:
-        path = Path(private) / "scenario.yaml"
-        try:
-            path.write_text(json.dumps(dict(fields), indent=1), "utf-8")
-        except TypeError as error:
-            raise BadInput(f"the scenario holds more than text, numbers, lists and mappings: {error}") from error
-        own = [f"topology={json.dumps(fields['topology'])}"] if "topology" in fields else []
-        return load_scenario(path, [*own, *overrides])
 
 
 def load_run(folder: str | Path) -> Run:

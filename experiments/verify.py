@@ -11,6 +11,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..agents.code_by_value import OtherPython
 from ..agents.journal import LAST_HEARD, MISSED, Batch
 from ..topologies import natural_key
 from .record.machine import differences, libraries
@@ -56,7 +57,11 @@ def verify(folder: Path) -> Verdict:
     Raises:
         BadInput: no run there, or a damaged record.
     """
-    record = load(folder, read_plan(folder), evaluated=False)
+    try:
+        plan = read_plan(folder)
+    except OtherPython as error:
+        return Verdict(certified=False, lines=(f"not comparable here: {error}",))
+    record = load(folder, plan, evaluated=False)
     elsewhere = differences(record.info, record.plan)
     replayed = replay(record)
     departures = sorted(compare(record, replayed, 0.0 if not elsewhere else _TOLERANCE), key=itemgetter(slice(2)))

@@ -11,35 +11,34 @@ from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from pathlib import Path
 
-from ...agents.loaded_sources import MAIN, loaded_sources
+from ...agents.loaded_sources import MAIN, cells_text
 from ..whole_files import write_whole
 from .run_files import MANIFEST_FILE, SOURCES_FOLDER
 
 _DATA = "data"
-_HASH_DIGITS = 16
-
-
-def kept_modules() -> dict[str, str]:
-    """Module → the name of its kept source, where that is another one: the script that runs, by its hash."""
-    main = loaded_sources().get(MAIN)
-    return {} if main is None else {MAIN: f"kept_{_hash(Path(main).read_bytes())[:_HASH_DIGITS]}"}
+_CELLS = "cells of a notebook"
 
 
 def keep_sources(folder: Path, sources: Mapping[str, str], data: Iterable[Path] = ()) -> None:
-    """Copy modules, name → file, and data files into a run's folder; what is gone from the disk is left out."""
-    names = {**{name: name for name in sources}, **kept_modules()}
-    kept = {_place(names[name], Path(file)): Path(file) for name, file in sorted(sources.items())}
+    """Copy modules, name → file, and data files into a run's folder; what is gone from the disk is left out.
+
+    Where the program that runs is a notebook, its cells are kept as __main__.py, for people.
+    """
+    kept = {_place(name, Path(file)): Path(file) for name, file in sorted(sources.items())}
     kept |= {f"{_DATA}{path.resolve()}": path for path in data}
+    contents = {
+        place: (content, str(original.absolute()))
+        for place, original in kept.items()
+        if (content := _content(original)) is not None
+    }
+    if cells := cells_text():
+        contents[f"{MAIN}.py"] = cells.encode(), _CELLS
     manifest = {}
-    for place, original in kept.items():
-        try:
-            content = original.read_bytes()
-        except OSError:
-            continue
+    for place, (content, original) in contents.items():
         target = folder / SOURCES_FOLDER / place
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
-        manifest[place] = {"sha256": _hash(content), "from": str(original.absolute())}
+        manifest[place] = {"sha256": _hash(content), "from": original}
     write_whole(folder / MANIFEST_FILE, json.dumps(manifest, indent=1))
 
 
@@ -62,6 +61,13 @@ def _place(name: str, file: Path) -> str:
     """Where a module is kept: a.b as a/b.py, a package as a/b/__init__.py."""
     below = name.replace(".", "/")
     return f"{below}/{file.name}" if file.stem == "__init__" else below + "".join(file.suffixes)
+
+
+def _content(file: Path) -> bytes | None:
+    try:
+        return file.read_bytes()
+    except OSError:
+        return None
 
 
 def _hash(content: bytes) -> str:

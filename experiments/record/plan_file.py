@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 
@@ -18,7 +17,7 @@ _OLDER = (
 )
 
 
-def write_plan(folder: Path, plan: Plan, modules: Mapping[str, str] | None = None) -> None:
+def write_plan(folder: Path, plan: Plan) -> None:
     """Leave a plan in a folder.
 
     Raises:
@@ -30,7 +29,7 @@ def write_plan(folder: Path, plan: Plan, modules: Mapping[str, str] | None = Non
         (folder / name).write_bytes(data)
         return name
 
-    write_whole(folder / PLAN_FILE, encode_plan(plan, modules, store))
+    write_whole(folder / PLAN_FILE, encode_plan(plan, store))
 
 
 def read_plan(folder: Path, *, only_read: bool = False) -> Plan:
@@ -38,6 +37,7 @@ def read_plan(folder: Path, *, only_read: bool = False) -> Plan:
 
     Raises:
         BadInput: none there, damaged, or of an older form.
+        OtherPython: it has code by value from another version of Python.
     """
 
     def fetch(name: str) -> bytes:
@@ -54,4 +54,4 @@ def read_plan(folder: Path, *, only_read: bool = False) -> Plan:
     except OSError as error:
         raise BadInput(f"{error.filename} cannot be read: {error.strerror}") from error
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise type(error)(f"{path}: {error}") from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,11 @@ from ...units import quantity
 from .compile import attempt
 from .explaining import explain
 from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
+from .python_values import plain
 from .schema import Scenario, json_schema, resolved_yaml
 from .settings_reading import validated
 from .trace_files import anchor
-from .yaml_document import Loc, Problem, read_document
+from .yaml_document import NOTHING, Document, Loc, Problem, read_document, read_fields
 
 __all__ = [
     "LoadedScenario",
@@ -48,22 +49,26 @@ class LoadedScenario:
     files: tuple[Path, ...] = ()
 
 
-def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedScenario:
-    """The scenario of a built-in name or a file, read and compiled once.
+Source = str | Path | Mapping[str, Any]
+"""A scenario: its built-in name, the path of its file, or its fields from Python, see `python_values`."""
+
+
+def load_scenario(source: Source, overrides: Sequence[str] = (), given: Mapping[str, Any] = NOTHING) -> LoadedScenario:
+    """The scenario of a built-in name or a file, or of its fields themselves, read and compiled once.
 
     A fault, or a graph or edge of a topology that changes, that starts after the end of the run is refused, unless an
     override shortened the run: then it is left out.
 
     Args:
-        source: a name such as dfa16-lossy, or the path of a YAML file.
+        source: a name such as dfa16-lossy, the path of a YAML file, or its fields.
         overrides: such as `links.loss.bernoulli=0.3`; the later wins.
+        given: fields from Python that replace those of the source.
     Raises:
-        BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`.
+        BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`; of
+            what comes from Python as `field: message`.
     """
-    name, label, text, folder = find_source(source)
+    document, folder = _read(source, overrides, plain(given))
     _reach(Path.cwd(), folder)
-    document = read_document(text, label, overrides)
-    document.data.setdefault("name", name)
 
     def folder_of(place: Loc) -> Path:
         return Path.cwd() if document.is_overridden(place) else folder
@@ -96,6 +101,16 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> LoadedSc
         raise document.error(problems)
     notes = tuple(f"{'.'.join(map(str, place))} is left out: {text}" for place, _, text in texts)
     return LoadedScenario(scenario, plan, notes, tuple(dict.fromkeys(files)))
+
+
+def _read(source: Source, overrides: Sequence[str], given: Mapping[str, Any]) -> tuple[Document, Path]:
+    """The fields of a scenario, and the folder in which the relative paths in them start."""
+    if isinstance(source, Mapping):
+        return read_fields({"name": "scenario", **plain(source), **given}, overrides), Path.cwd()
+    name, label, text, folder = find_source(source)
+    document = read_document(text, label, overrides, given)
+    document.data.setdefault("name", name)
+    return document, folder
 
 
 def _reach(*folders: Path) -> None:

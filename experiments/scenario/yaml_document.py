@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from ruamel.yaml import YAML
@@ -15,7 +16,8 @@ from ...errors import BadInput
 from ...topologies.over_time import GRAPHS
 
 Loc = tuple[str | int, ...]
-"""Place of a value: keys and indices from the top."""
+"""Where a value stands: keys and indices from the top."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 _CHOICES = {"loss", "corruption", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
 """Fields in which one key chooses a model: setting another key there replaces the model."""
@@ -34,17 +36,20 @@ class Problem(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """A mapping from a file, with overrides applied.
+    """A mapping read from a file or given from Python, with overrides applied.
 
-    tree: the root node of the file, with positions.
+    label: name of the file, in messages.
+    tree: the root node of the file, with positions; None if there is none.
     data: the values in force, as plain data.
     overrides: path below which an override set everything → its key on the command line.
+    given: fields from Python in the place of the file's.
     """
 
     label: str
     tree: Any
     data: dict[str, Any]
     overrides: dict[tuple[str, ...], str]
+    given: frozenset[str] = frozenset()
 
     def error(self, problems: Iterable[Problem]) -> BadInput:
         """One error with all problems, a line each: place, field, message."""
@@ -53,20 +58,22 @@ class Document:
     def _line(self, problem: Problem) -> str:
         place = self._place(existing(self.data, problem.loc), of_key=problem.about == "key")
         what = describe(self.data, problem)
-        return f"{place}: {what.removeprefix(place.removeprefix('--set ') + ': ')}"
+        return f"{place}: {what.removeprefix(place.removeprefix('--set ') + ': ')}" if place else what
 
     def is_overridden(self, path: Loc) -> bool:
-        """Whether a value comes from the command line."""
-        return bool(self._covering(path))
+        """Whether a value stands in the place of the file's."""
+        return path[0] in self.given or bool(self._covering(path))
 
     def _covering(self, path: Loc) -> list[tuple[str, ...]]:
         words = _words(path)
         return [override for override in self.overrides if override == words[: len(override)]]
 
     def _place(self, path: Loc, of_key: bool) -> str:
-        """The position of a value or its key in the file, or the override that set it."""
+        """The position of a value or its key, or the override that it came from; empty where it came from Python."""
         if covering := self._covering(path):
             return f"--set {self.overrides[max(covering, key=len)]}"
+        if self.tree is None or (path and path[0] in self.given):
+            return ""
         node, mark = self.tree, self.tree.start_mark
         for depth, part in enumerate(path, start=1):
             if (entry := _entry(node, part)) is None:
@@ -177,8 +184,18 @@ def _parsed(text: str, label: str) -> tuple[Any, Any]:
         raise BadInput(f"{label}: not YAML: {reason}") from error
 
 
-def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Document:
-    """A mapping from YAML text, with overrides such as `links.loss.bernoulli=0.3`.
+def read_fields(fields: dict[str, Any], overrides: Sequence[str]) -> Document:
+    """A mapping of plain data, with overrides.
+
+    Raises:
+        BadInput: an override that is none.
+    """
+    data, keys = assign(fields, overrides, "--set ")
+    return Document("", None, data, keys)
+
+
+def read_document(text: str, label: str, overrides: Sequence[str] = (), given: Mapping[str, Any] = NOTHING) -> Document:
+    """A mapping from YAML text, with fields from Python instead of its own, and overrides such as `seed=3`.
 
     Raises:
         BadInput: not YAML, empty, not a mapping, or an invalid override.
@@ -188,8 +205,8 @@ def read_document(text: str, label: str, overrides: Sequence[str] = ()) -> Docum
         raise BadInput(f"{label}: the file is empty: `volery new NAME` writes one to start from")
     if not isinstance(data, dict):
         raise BadInput(f"{label}:1:1: a scenario is a mapping of fields, and this is {type(data).__name__}")
-    data, keys = assign(data, overrides, "--set ")
-    return Document(label, tree, data, keys)
+    data, keys = assign({**data, **given}, overrides, "--set ")
+    return Document(label, tree, data, keys, frozenset(given))
 
 
 def assign(

@@ -7,7 +7,6 @@ import secrets
 import sys
 import time
 from collections.abc import Coroutine, Mapping
-from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -19,7 +18,6 @@ from ...errors import RunFailed
 from ...transport import zenoh_session as zs
 from ...transport.faults import Fault, Kill
 from ...transport.keys import CONTROL_CLIENT, Keys
-from ..record.kept_sources import kept_modules
 from ..record.record import INJECTED
 from ..twin import RecordSink
 from .members import Member, joined_or_ended
@@ -39,7 +37,6 @@ class Fleet:
         run: name of the run in the keys.
         pace: realtime or lockstep.
         speed: nominal seconds per wall second, in realtime pace.
-        sources: folder in which agents find kept modules that are nowhere else.
 
     Whoever arms a live fault or starts an incarnation holds `intervening` meanwhile: a new incarnation knows every
     fault that was armed before it, and is told of every later one. `ready`: all agents have been started. `over`: all
@@ -47,11 +44,10 @@ class Fleet:
     to return, as long as no process stands by for it.
     """
 
-    def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float, sources: Path | None) -> None:
+    def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float) -> None:
         self.plan, self.pace, self.speed = plan, pace, speed
         self.loaded_sources: dict[str, str] = {}
-        self._encoded_plan = encode_plan(plan, {} if sources is None else kept_modules())
-        self._path = [*sys.path, *([] if sources is None else [str(sources.absolute())])]
+        self._encoded_plan = encode_plan(plan)
         self.status = Status(plan)
         self.sink = WatchedSink(sink, self.status)
         self.keys = Keys(run)
@@ -88,7 +84,7 @@ class Fleet:
             self.pace,
             self.speed,
         )
-        member = Member(spawn(assignment, self._path))
+        member = Member(spawn(assignment, list(sys.path)))
         self.members[name, incarnation] = member
         self.loop.add_reader(member.process.sentinel, self._process_ended, name, incarnation)
         return member

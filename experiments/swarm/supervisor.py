@@ -63,9 +63,8 @@ class Swarm(Fleet):
         pace: Pace = "realtime",
         speed: float = 1.0,
         listen: str = "tcp/127.0.0.1:0",
-        sources: Path | None = None,
     ) -> None:
-        super().__init__(plan, sink, run, pace, speed, sources)
+        super().__init__(plan, sink, run, pace, speed)
         self.restarts = Restarts(self)
         self._listen = listen
         self._news = asyncio.Event()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import product, starmap
 from pathlib import Path
 
+from ...agents.plan_codec import named_by_value
 from ...errors import BadInput
 from ...names import LONGEST_RUN, check_length
 from ..execution import Engine
@@ -93,6 +94,8 @@ def run_sweep(
         BadInput: an option does not fit, or the folder has the results of another sweep.
         RunFailed: a run could not be carried through; what is finished is kept.
     """
+    if options.scheduler is not None:
+        _check_importable(plan)
     folder = options.folder(plan)
     work = pool or options.pool()
     if options.fresh:
@@ -109,6 +112,13 @@ def run_sweep(
         sweep = journal.results()
     write_table(sweep)
     return sweep
+
+
+def _check_importable(plan: SweepPlan) -> None:
+    """Refuse code by value, which workers on other machines are not trusted to load alike."""
+    for name in sorted({name for one in plan.loaded for name in named_by_value(one.plan)}):
+        text = f"--scheduler: {name} is of this program alone, and a Dask cluster imports what it runs"
+        raise BadInput(f"{text}: put it into a module, or leave the scheduler out")
 
 
 def _drop(folder: Path) -> None:

@@ -7,7 +7,6 @@ numbers): repetition r of each cell has the seed of the scenario plus r.
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import re
 import sys
@@ -18,6 +17,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from ...agents.loaded_sources import cells_text
 from ...agents.plan import Plan
 from ...agents.plan_codec import encode_plan
 from ...agents.registry import find
@@ -27,11 +27,11 @@ from ...transport.media_settings import HalfDuplex
 from ..evaluation.evaluation import evaluation_class
 from ..execution import Engine
 from ..record.machine import fingerprint
-from ..run_arrays import read_any
 from ..scenario.compile import compile_plan
-from ..scenario.load import LoadedScenario, resolved_yaml
+from ..scenario.load import LoadedScenario, load_scenario, resolved_yaml
 from ..scenario.paces import check_pace
 from ..scenario.validate import validate_plan
+from ..scenario.yaml_document import NOTHING
 from .axes import Axis, Over, axis_of, grid, random_cells, read_axis, spanned
 
 Pairing = Literal["channel", "channel, half-duplex apart", "frame by frame"]
@@ -41,6 +41,7 @@ _PACKAGE = Path(__file__).parents[2]
 _NOT_OF_RESULTS = _PACKAGE / "experiments" / "cli"
 """What shows results and makes none."""
 _IMPORT_STRING = re.compile(r"([A-Za-z_][\w.]*):[A-Za-z_]")
+_DIGITS = 16
 _MADE_WITH = ("python", "numpy", "scipy", "blas", "simd")
 
 
@@ -154,6 +155,7 @@ def plan_sweep(
     over: Sequence[str] | Over = (),
     random: int | None = None,
     engine: Engine = "twin",
+    given: Mapping[str, Any] = NOTHING,
 ) -> SweepPlan:
     """The sweep of a scenario over ranges; every cell is validated.
 
@@ -163,18 +165,19 @@ def plan_sweep(
         over: `KEY=RANGE` words, or a mapping, see `axes`.
         random: so many random cells instead of the grid.
         engine: of all runs; Zenoh runs in lockstep pace.
+        given: fields from Python that replace those of the scenario.
     Raises:
         BadInput: a key that does not exist, an empty range, a cell that cannot be; the message names the cell.
     """
     axes = _axes(over)
-    base = read_any(scenario, overrides).plan
+    base = load_scenario(scenario, overrides, given).plan
     cells = grid(axes) if random is None else random_cells(axes, random, base.seed)
     modules: set[str] = set()
     swept, loaded = [], []
     for cell in cells:
         labels = tuple(point.label for point in cell.points)
         try:
-            one = _valid(read_any(scenario, [*overrides, *cell.overrides]))
+            one = _valid(load_scenario(scenario, [*overrides, *cell.overrides], given))
         except BadInput as error:
             raise BadInput(_of_cell(str(error), axes, labels)) from error
         text = resolved_yaml(one.scenario)
@@ -259,7 +262,7 @@ def made_with(modules: Iterable[str] = ()) -> dict[str, Any]:
     here = fingerprint()
     ours = __package__.partition(".")[0]
     foreign = sorted(name for name in modules if name in sys.modules and name.partition(".")[0] != ours)
-    hashes = {name: _hash([Path(inspect.getfile(sys.modules[name]))]) for name in foreign}
+    hashes = {name: _source_hash(name) for name in foreign}
     return {**{name: here[name] for name in _MADE_WITH}, "code": _code(), "modules": hashes}
 
 
@@ -271,8 +274,13 @@ def _code() -> str:
     return _hash(path for path in paths if _NOT_OF_RESULTS.resolve() not in path.parents)
 
 
+def _source_hash(module: str) -> str:
+    file = getattr(sys.modules[module], "__file__", None)
+    return _hash([Path(file)]) if file else hashlib.sha256(cells_text().encode()).hexdigest()[:_DIGITS]
+
+
 def _hash(paths: Iterable[Path]) -> str:
     found = hashlib.sha256()
     for path in paths:
         found.update(path.name.encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()[:16]
+    return found.hexdigest()[:_DIGITS]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Literal
 
@@ -35,8 +36,7 @@ class Kinds:
 
     def names(self) -> list[str]:
         """Names of all kinds."""
-        added = (point.name for point in entry_points(group=self.entry_points)) if self.entry_points else ()
-        return list(dict.fromkeys((*self.built_in, *sorted(added))))
+        return list(dict.fromkeys((*self.built_in, *sorted(_added(self.entry_points)))))
 
     def find(self, name: str) -> Any:
         """The class of a kind.
@@ -48,9 +48,7 @@ class Kinds:
         if isinstance(target, type):
             return target
         if target is None and self.entry_points:
-            target = (
-                name if ":" in name else next((p.value for p in entry_points(group=self.entry_points, name=name)), None)
-            )
+            target = name if ":" in name else _added(self.entry_points).get(name)
         if target is None:
             own = ", or write package.module:Class" if self.entry_points else ""
             raise BadInput(f"unknown {self.what} {name!r}{did_you_mean(name, self.names())}{own}")
@@ -68,3 +66,9 @@ class Kinds:
         """The built-in name of a class, or its import string."""
         target = f"{cls.__module__}:{cls.__qualname__}"
         return next((name for name, kind in self.built_in.items() if kind is cls or kind == target), target)
+
+
+@cache
+def _added(group: str) -> Mapping[str, str]:
+    """Name → import string, of what installed packages add to a group of entry points."""
+    return {point.name: point.value for point in entry_points(group=group)} if group else {}

@@ -22,7 +22,7 @@ def _own_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     (tmp_path / "own_agents_of_a_test.py").write_text(OWN, "utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     yield
-    registry.find.cache_clear()
+    kinds._added.cache_clear()
 
 
 def test_built_in_kinds_have_names() -> None:
@@ -43,6 +43,7 @@ def test_an_installed_package_brings_kinds(monkeypatch: pytest.MonkeyPatch) -> N
     """Through the entry points of the group `volery.agents`."""
     points = EntryPoints([EntryPoint("mine", "own_agents_of_a_test:Mine", registry.AGENTS.entry_points)])
     monkeypatch.setattr(kinds, "entry_points", points.select)
+    kinds._added.cache_clear()
     assert registry.find("mine").__name__ == "Mine"
     assert "mine" in registry.AGENTS.names()
 

@@ -13,7 +13,7 @@ from volery.agents.dfa.kalman import DfaKalman
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
-from volery.experiments.run_arrays import _from_mapping
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 from volery.worlds.plane.plane_world import PlaneWorld, distances, turning
 
@@ -39,7 +39,7 @@ SCENARIO: dict[str, Any] = {
 
 def plan(*overrides: str) -> Plan:
     """The plan with these overrides."""
-    return _from_mapping(SCENARIO, overrides).plan
+    return load_scenario(SCENARIO, overrides).plan
 
 
 def run(*overrides: str) -> Metrics:

@@ -17,7 +17,7 @@ from volery.estimators.distributed.gaussian import Gaussian, corrected
 from volery.experiments.analysis.metrics import Metrics, compute_metrics
 from volery.experiments.evaluation.evaluation import Finding
 from volery.experiments.record.record import Record
-from volery.experiments.run_arrays import _from_mapping
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
 SCENARIO: dict[str, Any] = {
@@ -33,7 +33,7 @@ SCENARIO: dict[str, Any] = {
 
 def run(*overrides: str) -> Record:
     """The record of the scenario with these overrides."""
-    plan = _from_mapping(SCENARIO, overrides).plan
+    plan = load_scenario(SCENARIO, overrides).plan
     return recorded(plan)
 
 

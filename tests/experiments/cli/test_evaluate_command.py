@@ -61,16 +61,13 @@ def test_a_run_whose_evaluation_fails_says_so_and_is_evaluated_once_that_is_mend
 
 
 def _forget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in a new process: the mended module is read again, and its class looked for again."""
+    """As in a new process: the mended module is read again."""
     import importlib
     import sys
-
-    from volery.agents.registry import find
 
     for name in [name for name in sys.modules if name.startswith("quiet_")]:
         monkeypatch.delitem(sys.modules, name)
     importlib.invalidate_caches()
-    find.cache_clear()
 
 
 def _exported(volery: Callable[..., Any]) -> list[tuple[str, ...]]:

@@ -55,10 +55,8 @@ SCENARIO = {
 }
 SCRIPT = f"""\
 {AGENT}
-if __name__ == "__main__":
-    import sys, volery
-    scenario = {SCENARIO | {"agents": {"kind": "__main__:Talker"}}}
-    print(volery.run(scenario, engine=sys.argv[1], pace="lockstep", name="run").problems)
+import sys, volery
+print(volery.run({SCENARIO}, agents=Talker, engine=sys.argv[1], pace="lockstep", name="run").problems)
 """
 LOADED = (
     "import volery; run = volery.load('{}'); print(run.samples('number').oracle_error.mean(), len(run.frames['fate']))"
@@ -137,13 +135,19 @@ def test_a_replay_has_the_kept_sources_and_says_what_has_changed_since(run: Path
 
 @pytest.mark.parametrize("engine", ["twin", "zenoh"])
 def test_an_agent_of_the_script_itself_is_kept_too(engine: str, tmp_path: Path) -> None:
-    """Its processes and the replay find it under a name of the kept script."""
+    """Its processes and the replay have it by value; the script, which need not guard its calls, is kept for people."""
     (tmp_path / "script.py").write_text(SCRIPT, "utf-8")
     (tmp_path / "helper.py").write_text("LATER = 50_000_000\n", "utf-8")
     assert call("script.py", engine, folder=tmp_path) == "()\n"
     (tmp_path / "script.py").unlink()
+    folder = tmp_path / "runs" / "run"
+    assert (folder / "sources" / "__main__.py").read_text("utf-8") == SCRIPT
     assert call("-m", "volery", "verify", "run", folder=tmp_path).startswith("certified: 60 estimates and ")
-    assert "kept_" in (tmp_path / "runs" / "run" / "plan.json").read_text("utf-8")
+    plan = json.loads((folder / "plan.json").read_text("utf-8"))
+    plan["code"]["__main__"]["python"] = "3.99"
+    (folder / "plan.json").write_text(json.dumps(plan), "utf-8")
+    assert call("-m", "volery", "verify", "run", folder=tmp_path, code=3).startswith("not comparable here: ")
+    assert call("-c", LOADED.format("runs/run"), folder=tmp_path).split()[1] == "80"
 
 
 def test_a_run_tells_its_command_and_commit(run: Path, tmp_path: Path) -> None:
