@@ -1,4 +1,4 @@
-"""Verification in an interpreter of its own, which finds the sources that the run has kept before all others."""
+"""Verification in a new interpreter, with the kept sources of the run first on its path."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def verify_afresh(folder: Path) -> Verdict:
 
 
 def _main(folder: Path) -> None:
-    """Print the verdict as JSON; whatever else is printed goes to the standard error."""
+    """Print the verdict as JSON; all other output goes to standard error."""
     sys.path.insert(0, str(folder / SOURCES_FOLDER))
     with contextlib.redirect_stdout(sys.stderr):
         try:

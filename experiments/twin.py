@@ -1,4 +1,4 @@
-"""The twin: all nodes of a plan in one process, on one heap. Frames are carried as encoded bytes here too."""
+"""The twin: all nodes of a plan in one process, on one heap, with frames as encoded bytes."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ Life = tuple[str, int]
 """Name of an agent, and incarnation."""
 
 LastHeard = Mapping[tuple[Life, Life], int]
-"""(source, target) → how many transmissions a life has heard of another one that was ended from outside."""
+"""(source, target) → number of transmissions that the target received from an externally killed source."""
 
 
 class RecordSink(Protocol):
-    """Where an engine leaves what happened."""
+    """Receives the journals and events of a run from an engine."""
 
     def __call__(self, batch: Batch) -> None:
-        """Take the entries of one agent."""
+        """Add the entries of one agent."""
 
     def event(self, event: dict[str, Any]) -> None:
-        """Take an event of the run."""
+        """Add an event of the run."""
 
 
 class Twin:
-    """One run of a plan in this process, bit for bit repeatable.
+    """One run of a plan in this process, repeatable bit for bit.
 
     Args:
-        plan: what to run.
-        sink: where the entries go.
-        last_heard: what an agent killed from outside transmitted after these never reached anybody.
+        plan: the plan.
+        sink: receives journals and events.
+        last_heard: last transmissions of externally killed agents that their neighbours received.
     """
 
     def __init__(self, plan: Plan, sink: RecordSink, last_heard: LastHeard | None = None) -> None:
@@ -68,7 +68,7 @@ class Twin:
     def _node(self, name: str, incarnation: int, start_ns: int, saved: bytes | None = None) -> Node:
         index = self._order[name] + incarnation * len(self._order)
         node = Node(self._plan, name, self.heap, self._carry(name), incarnation, start_ns, index, saved)
-        node.receiver.unheard_ns = lambda: node.state.now_ns  # here whatever starts is heard at once
+        node.receiver.unheard_ns = lambda: node.state.now_ns  # here every transmission is received at its start
         return node
 
     def _carry(self, source: str) -> Put:
@@ -83,7 +83,7 @@ class Twin:
         return put
 
     def _reached(self, source: str, outlet: str) -> Iterable[str]:
-        """Whom an outlet reaches: one neighbour, or all that hear the radio."""
+        """The agents that an outlet reaches: one neighbour, or all in reach of the radio."""
         if outlet != AIR:
             return (outlet,)
         return [way.target for way in self.nodes[source].sender.outlets[AIR].ways]
@@ -97,9 +97,9 @@ class Twin:
         self._sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": event[TIME]})
 
     def run(self, go_on: Callable[[int], bool] | None = None) -> int:
-        """Handle every event before the end; the nominal instant in nanoseconds that was reached.
+        """Handle every event before the end; the nominal time that was reached [ns].
 
-        `go_on` is told the time now and then, and ends the run there by saying no.
+        `go_on` is called with the nominal time now and then; the run ends there if it returns False.
         """
 
         def flush(now_ns: int) -> bool:

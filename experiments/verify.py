@@ -1,4 +1,4 @@
-"""Certification: replay a recorded run in the twin, live faults and outside kills included, and compare bit for bit."""
+"""Certification: a recorded run is replayed in the twin, live faults and external kills included, and compared."""
 
 from __future__ import annotations
 
@@ -24,9 +24,12 @@ _NAMED_CAUSES = _NAMED_AGENTS = 8
 
 
 class Departure(NamedTuple):
-    """An estimate, or a frame at one end of its link, that record and replay do not agree on.
+    """An estimate, or a frame at one end of its link, that differs between record and replay.
 
-    `agent`: whose. `frame`: source, target, incarnation, sequence number and copy; None for an estimate.
+    time_ns: nominal time.
+    what: description.
+    agent: the agent that recorded it.
+    frame: source, target, incarnation, sequence number and copy; None for an estimate.
     """
 
     time_ns: int
@@ -37,9 +40,10 @@ class Departure(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the comparison says, in lines to print.
+    """The result of the comparison.
 
-    `certified`: every recorded estimate and every frame's fate equals the replay, bit for bit.
+    certified: whether every recorded estimate and every frame's fate equals the replay, bit for bit.
+    lines: description, to be printed.
     """
 
     certified: bool
@@ -69,7 +73,7 @@ def verify(folder: Path) -> Verdict:
 
 
 def replay(record: Record) -> Mapping[Life, Batch]:
-    """What the twin makes of the same plan, with the faults as they really were."""
+    """The journals of the same plan in the twin, with the faults as they really were."""
     plan = replace(record.as_run, duration_ns=_duration_ns(record))
     collector = Collector()
     Twin(plan, collector, last_heard(record)).run()
@@ -81,7 +85,7 @@ def _duration_ns(record: Record) -> int:
 
 
 def last_heard(record: Record) -> LastHeard:
-    """What the neighbours of an agent killed from outside have noted of it when they were told, or at their end."""
+    """What the neighbours of an externally killed agent had received from it."""
     return {
         ((event["source"], event["incarnation"]), life): event["sent"]
         for life, batch in record.batches.items()
@@ -94,29 +98,29 @@ def last_heard(record: Record) -> LastHeard:
 
 
 _Entries = Mapping[tuple[Any, ...], tuple[int, Any]]
-"""What names an estimate or a frame → its nominal time and the rest of it."""
+"""Name of an estimate or a frame → its nominal time and its content."""
 
 
 def compare(record: Record, replayed: Mapping[Life, Batch], tolerance: float) -> Iterator[Departure]:
-    """Everything that the two do not agree on; of a life that broke off, what its record has is compared."""
+    """All differences; of an incarnation whose record broke off, only recorded entries are compared."""
     for life in sorted({*record.batches, *replayed}):
         mine, twin = record.batches.get(life, Batch(*life)), replayed.get(life, Batch(*life))
         broken_off = life in record.broken_off
         for key, recorded, expected in _unequal(_estimates(mine), _estimates(twin), tolerance, broken_off=broken_off):
-            said = f"{_estimate_text(key, recorded)} recorded, {_estimate_text(key, expected)} in the twin"
-            yield Departure(_first_ns(recorded, expected), f"agent {life[0]}: {said}", life[0], None)
+            what = f"{_estimate_text(key, recorded)} recorded, {_estimate_text(key, expected)} in the twin"
+            yield Departure(_first_ns(recorded, expected), f"agent {life[0]}: {what}", life[0], None)
         for did, to_or_from, entries in (("heard", "from", _heard), ("sent", "to", _sent)):
             for key, recorded, expected in _unequal(entries(mine), entries(twin), 0.0, broken_off=broken_off):
                 peer = key[0] if did == "heard" else key[1]
-                said = f"{_fate_text(recorded)} recorded, {_fate_text(expected)} in the twin"
-                what = f"agent {life[0]} {did} frame {key[3]} {to_or_from} {peer}: {said}"
+                fates = f"{_fate_text(recorded)} recorded, {_fate_text(expected)} in the twin"
+                what = f"agent {life[0]} {did} frame {key[3]} {to_or_from} {peer}: {fates}"
                 yield Departure(_first_ns(recorded, expected), what, life[0], key)
 
 
 def _unequal(
     mine: _Entries, twin: _Entries, tolerance: float, *, broken_off: bool
 ) -> Iterator[tuple[Any, tuple[int, Any] | None, tuple[int, Any] | None]]:
-    """What one has and the other has not, or otherwise: its name, and what each of them has."""
+    """Entries that are not equal: name, entry of the record, entry of the twin."""
     for key in mine.keys() | twin.keys():
         recorded, expected = mine.get(key), twin.get(key)
         if not _same(recorded, expected, tolerance) and not (broken_off and recorded is None):
@@ -128,7 +132,7 @@ def _first_ns(*entries: tuple[int, Any] | None) -> int:
 
 
 def _estimates(batch: Batch) -> _Entries:
-    """By quantity, sample, and how many of that sample came before."""
+    """Estimates by quantity, sample, and number of earlier estimates of that sample."""
     counts: Counter[tuple[str, int]] = Counter()
     found: dict[tuple[Any, ...], tuple[int, Any]] = {}
     for time_ns, quantity, sample, value in batch.estimates:
@@ -204,7 +208,7 @@ def _verdict(record: Record, departures: list[Departure], elsewhere: list[str]) 
 
 
 def _departed(departures: Sequence[Departure], estimates: int, frames: int) -> str:
-    """How much departs, and whose it is: "12 of 360 frame fates and 5 of 80 estimates of agents 3, 7 and 9"."""
+    """The number of departures and their agents: "12 of 360 frame fates and 5 of 80 estimates of agents 3, 7 and 9"."""
     of_frames = len({departure.frame for departure in departures if departure.frame is not None})
     of_estimates = sum(departure.frame is None for departure in departures)
     agents = sorted({departure.agent for departure in departures}, key=natural_key)
@@ -219,7 +223,7 @@ def _departed(departures: Sequence[Departure], estimates: int, frames: int) -> s
 
 
 def _causes(record: Record) -> Iterator[str]:
-    """What may make a run depart from its twin, in words."""
+    """Possible causes of departures, in words."""
     for event in record.events:
         if event["event"] == "late-fault":
             yield f"fault {event['id']} reached an agent after its instant, {event['time_ns'] / 1e9:.3f} s"

@@ -1,6 +1,6 @@
-"""The control server of a running swarm: answers what `volery status`, `fault` and `stop` ask.
+"""The control server of a running swarm: answers the requests of `volery status`, `fault` and `stop`.
 
-A running swarm leaves `control.json` in its run folder, readable by its owner only: endpoint and password.
+While a swarm runs, `control.json` in its run folder has endpoint and password, readable by its owner only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LIMIT = 1000
 
 
 class ControlServer:
-    """The supervisor's side: answers one request after another."""
+    """Answers requests, one after another."""
 
     def __init__(self, swarm: Swarm, injector: Injector) -> None:
         self._swarm = swarm
@@ -34,7 +34,7 @@ class ControlServer:
         self._requests: asyncio.Queue[zs.Query] = asyncio.Queue()
 
     async def serve(self, keys: Keys, folder: Path) -> None:
-        """Answer until cancelled; the control file is there meanwhile."""
+        """Answer requests until cancelled; the control file exists meanwhile."""
         await self._swarm.ready.wait()
         inbox = zs.Inbox(asyncio.get_running_loop(), _LIMIT, self._queue)
         serving = self._swarm.session.declare_queryable(keys.supervisor(), inbox.push)

@@ -1,4 +1,4 @@
-"""The processes of a swarm: they are started, told what to do, and known by how they end."""
+"""The processes of a swarm: their start, orders to them, and their end."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ _ANSWER_TIMEOUT_S = 10.0
 
 
 class Fleet:
-    """The processes of one run of a plan, and the state of that run which they are told when they start.
+    """The processes of one run of a plan, and the state of the run that they are given at their start.
 
     Args:
-        plan: what to run.
-        sink: where the entries go.
+        plan: the plan.
+        sink: receives the entries of the record.
         run: name of the run in the keys.
         pace: realtime or lockstep.
         speed: nominal seconds per wall second, in realtime pace.
 
-    Whoever arms a live fault or starts an incarnation holds `intervening` meanwhile: a new incarnation knows every
-    fault that was armed before it, and is told of every later one. `ready`: all agents have been started. `over`: all
-    have ended, or the run has failed; it ends once nobody holds `intervening`. `returns_due`: id → kill whose agent is
-    to return, as long as no process stands by for it.
+    The lock `intervening` is held while a live fault is armed or an incarnation is started, so that a new incarnation
+    knows every fault armed before, and receives every later one. `ready`: all agents have been started. `over`: all
+    agents have ended, or the run has failed; the run ends when `intervening` is free. `returns_due`: id → kill whose
+    agent is to return and has no process on standby yet.
     """
 
     def __init__(self, plan: Plan, sink: RecordSink, run: str, pace: Pace, speed: float) -> None:
@@ -93,7 +93,7 @@ class Fleet:
         """Wait until these processes have joined.
 
         Raises:
-            RunFailed: one has not, or has ended before.
+            RunFailed: one has not joined in time, or has ended.
         """
         try:
             async with asyncio.timeout(_JOIN_TIMEOUT_S):
@@ -107,7 +107,7 @@ class Fleet:
             raise RunFailed(f"agents {', '.join(dead)} ended before the run began")
 
     def start_order(self, start_ns: int, saved: bytes | None = None) -> dict[str, Any]:
-        """The order to start an incarnation at an instant, in the run as it is now."""
+        """The order to start an incarnation at an instant, with the present state of the run."""
         run_start = {
             "epoch_ns": self.epoch_ns,
             "end_ns": self.end_ns,
@@ -129,23 +129,23 @@ class Fleet:
         self._living[name] = incarnation
         self.status.alive.add(name)
 
-    # -- orders to processes, and which they are ----------------------------------------------------------------------
+    # -- orders to processes, and their incarnations ------------------------------------------------------------------
 
     def now_ns(self) -> int:
-        """Nominal time: by the clock in realtime pace, else as last told by the agents."""
+        """Nominal time: by the clock in realtime pace, otherwise the last that agents reported."""
         if self.pace == "realtime":
             elapsed_ns = time.monotonic_ns() - self.epoch_ns if self.epoch_ns else 0
             return max(0, int(elapsed_ns * self.speed))
         return self.status.time_ns
 
     def ahead_ns(self, wall_s: float) -> int:
-        """The nominal instant that the wall clock reaches so much later."""
+        """The nominal instant after so many wall seconds from now."""
         return self.now_ns() + int(wall_s * 1e9 * self.speed)
 
     async def order(
         self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*"
     ) -> dict[tuple[str, int], Any]:
-        """Give an order to all agents or to one; the answers of those that are alive."""
+        """Send an order to all agents or to one; the answers of those that are alive."""
         answers = await zs.ask(
             self.session, self.keys.control(name, incarnation), msgpack.packb(order), _ANSWER_TIMEOUT_S
         )
@@ -156,12 +156,12 @@ class Fleet:
         return name, max(incarnation for agent, incarnation in self.members if agent == name)
 
     def pids(self) -> dict[str, int]:
-        """Process of each agent's newest incarnation."""
+        """Agent → process id of its newest incarnation."""
         newest = {name: self.members[self.current(name)].process.pid for name, _ in self.members}
         return {name: pid for name, pid in newest.items() if pid is not None}
 
     def is_alive(self, name: str) -> bool:
-        """Whether the agent is alive; a process on standby is not."""
+        """Whether an agent is alive; a process on standby is not."""
         return name in self.status.alive
 
     def member(self, name: str, incarnation: int) -> Member:
@@ -169,7 +169,7 @@ class Fleet:
         return self.members[name, incarnation]
 
     def before(self, key: tuple[str, int]) -> Member:
-        """The process of the incarnation of an agent before this one."""
+        """The process of the agent's previous incarnation."""
         name, incarnation = key
         earlier = (number for agent, number in self.members if agent == name and number < incarnation)
         return self.members[name, max(earlier)]
@@ -177,7 +177,7 @@ class Fleet:
     # -- processes end -----------------------------------------------------------------------------------------------
 
     def dismiss(self, key: tuple[str, int]) -> None:
-        """Note that the run ends before a process on standby is needed."""
+        """Mark a process on standby as done: the run ends before it is needed."""
         self.members[key].done = True
         self.check_over()
 
@@ -195,7 +195,7 @@ class Fleet:
             self.background(self._bury(name, incarnation, self.now_ns()))
 
     async def _bury(self, name: str, incarnation: int, time_ns: int) -> None:
-        """Record how a process ended; tell the others of one that was killed externally."""
+        """Record how a process ended; inform the others of one that was killed externally."""
         cause = await self.members[name, incarnation].cause()
         death = {"event": "died", "agent": name, "incarnation": incarnation, "time_ns": time_ns, "cause": cause}
         self.sink.event(death)
@@ -215,7 +215,7 @@ class Fleet:
             await self.order({"do": "external-kill", "agent": name, "incarnation": incarnation})
 
     def check_over(self) -> None:
-        """End the run once every agent has ended and none is to return."""
+        """End the run if every agent has ended and none is to return."""
         newest = {name: self.members[self.current(name)] for name, _ in self.members}
         to_come = [kill for kill in self.returns_due.values() if kill.until_ns and kill.until_ns < self.end_ns]
         if all(member.done or member.buried.is_set() for member in newest.values()) and not to_come:
@@ -224,13 +224,13 @@ class Fleet:
     # -- work in the background --------------------------------------------------------------------------------------
 
     def background(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something in the background, until the end of the swarm at the latest."""
+        """Run a coroutine in the background, cancelled at the end of the swarm."""
         task = self.loop.create_task(work)
         self.tasks.add(task)
         task.add_done_callback(self._background_ended)
 
     def _background_ended(self, task: asyncio.Task[None]) -> None:
-        """A failure in the background ends the run, and is reported."""
+        """Report a failure in the background and end the run."""
         self.tasks.discard(task)
         if not task.cancelled() and (error := task.exception()):
             self.problems.append(str(error) or repr(error))

@@ -1,4 +1,4 @@
-"""Checks of a live fault: what is refused, and what is done with a note that it has no effect."""
+"""Checks of a live fault: errors, and notes on faults without effect."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ from ..scenario.paces import check_pace
 
 
 @dataclass(frozen=True)
-class Circumstances:
-    """The state of the run that a fault would meet.
+class RunState:
+    """State of the run when a live fault is injected.
 
-    `in_force`: id → fault that holds now. `alive`: agents. `used`: links that have carried a frame so far.
+    plan: the plan.
+    pace: realtime or lockstep.
+    now_ns: nominal time.
+    in_force: id → fault in force.
+    alive: living agents.
+    used: links that have carried a frame.
     """
 
     plan: Plan
@@ -30,11 +35,11 @@ class Circumstances:
     used: Collection[LinkName]
 
 
-def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
-    """Check live faults, with times counted from now; later ones of a random process are checked each alone.
+def refuse(drafted: Sequence[Fault], now: RunState) -> None:
+    """Check live faults, with times relative to now; later faults of a random process are checked separately.
 
     Raises:
-        BadInput: one of them is impossible, or would change nothing.
+        BadInput: an impossible fault, or one without effect.
     """
     if not drafted:
         raise BadInput("no failure falls into what is left of the run: nothing was changed")
@@ -52,15 +57,15 @@ def refuse(drafted: Sequence[Fault], now: Circumstances) -> None:
             raise BadInput(found.text)
 
 
-def _check_kind(draft: Fault, now: Circumstances) -> None:
+def _check_kind(draft: Fault, now: RunState) -> None:
     if isinstance(draft, Kill) and draft.at_ns > 0:
         raise BadInput("a random process of kills belongs into the scenario's faults; live, kill now")
     if (forgetting := forgets(now.plan, draft)) is not None:
         raise BadInput(forgetting)
 
 
-def _check_fit(fault: LinkFault, now: Circumstances) -> None:
-    """Refuse settings under which an agent's frames would not fit the link any more."""
+def _check_fit(fault: LinkFault, now: RunState) -> None:
+    """Check that the frames of the agents still fit the links with their new settings."""
     plan = now.plan
     present = [other for other in now.in_force.values() if isinstance(other, LinkFault)]
     for link in fault.links:
@@ -72,7 +77,7 @@ def _check_fit(fault: LinkFault, now: Circumstances) -> None:
             raise BadInput(f"{field} on {'>'.join(link)}: {text}")
 
 
-def warnings(faults: Iterable[Fault], now: Circumstances) -> Iterator[str]:
+def warnings(faults: Iterable[Fault], now: RunState) -> Iterator[str]:
     """Notes on links that carry nothing, so that a fault has no effect on them."""
     links = dict.fromkeys(link for fault in faults if isinstance(fault, LinkFault) for link in fault.links)
     silent = idle_links(now.plan, links)

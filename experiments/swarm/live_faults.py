@@ -1,4 +1,4 @@
-"""Faults injected while a swarm runs: armed at all agents beforehand, in effect at one nominal instant, recorded."""
+"""Live faults: armed at all agents beforehand, in effect at one nominal instant, and recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...errors import BadInput
 from ...transport.faults import Fault, Kill, LinkFault, Pause, in_force
 from ..scenario.expansion import entry_of, parse_fault
 from ..scenario.fault_places import parse_agents, parse_links, places_of, read_words
-from .live_fault_checks import Circumstances, refuse, warnings
+from .live_fault_checks import RunState, refuse, warnings
 from .supervisor import Swarm
 
 _AHEAD_S = 0.05
@@ -25,7 +25,7 @@ _UNDONE = {"cut": "is cut", "hold": "is held"}
 
 
 class Injector:
-    """Live faults of one swarm: f1, f2, … in the order in which they were asked for."""
+    """Live faults of one swarm, called f1, f2, … in the order of their requests."""
 
     def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
@@ -37,29 +37,27 @@ class Injector:
         self._took_s = 0.0
 
     def in_force(self) -> dict[str, Fault]:
-        """The faults in force now, those of the timeline included; what was asked for just now counts as done."""
+        """The faults in force, including those of the timeline and those that were injected just now."""
         return in_force(self._faults.values(), self._now_ns())
 
     def _now_ns(self) -> int:
         return max(self._swarm.now_ns(), self._newest_ns)
 
-    def _circumstances(self) -> Circumstances:
+    def _run_state(self) -> RunState:
         swarm = self._swarm
-        return Circumstances(
-            swarm.plan, swarm.pace, self._now_ns(), self.in_force(), swarm.status.alive, swarm.status.used
-        )
+        return RunState(swarm.plan, swarm.pace, self._now_ns(), self.in_force(), swarm.status.alive, swarm.status.used)
 
-    async def inject(self, written: Mapping[str, Any]) -> str:
-        """Inject a fault, given as an entry of the timeline with no time but `for`; what was done, in words.
+    async def inject(self, source: Mapping[str, Any]) -> str:
+        """Inject a fault, given as an entry of the timeline with no time but `for`; a description of what was done.
 
         Raises:
-            BadInput: not a fault, something that does not exist, or one without effect.
+            BadInput: not a fault, an unknown place, or a fault without effect.
         """
         name = f"f{self._count + 1}"
         remaining_ns = self._swarm.plan.duration_ns - self._now_ns()
-        drafted = parse_fault(written, name, self._places, remaining_ns)
-        circumstances = self._circumstances()
-        refuse(drafted, circumstances)
+        drafted = parse_fault(source, name, self._places, remaining_ns)
+        state = self._run_state()
+        refuse(drafted, state)
         self._count += 1
         async with self._intervention():
             at_ns, faults = await self._arm(drafted)
@@ -68,11 +66,11 @@ class Injector:
         for fault in faults:
             if isinstance(fault, Kill) and fault.until_ns is not None:
                 self._swarm.restarts.later(fault)
-        return "\n".join([f"{name}: {_told(faults)}", *warnings(faults, circumstances)])
+        return "\n".join([f"{name}: {_times(faults)}", *warnings(faults, state)])
 
     @contextlib.asynccontextmanager
     async def _intervention(self) -> AsyncIterator[None]:
-        """Hold the run open, and other interventions back."""
+        """Keep the run from ending, and other interventions waiting."""
         async with self._swarm.intervening:
             if self._swarm.over.is_set():
                 raise BadInput("the run is over")
@@ -81,28 +79,28 @@ class Injector:
     async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
         """Choose an instant and arm the faults at all agents.
 
-        If an agent was too slow they are armed anew for a later instant, as long as they have had no effect yet.
+        If an agent was too slow they are armed again for a later instant, unless they may have had an effect.
         """
         swarm = self._swarm
         frozen_ns = await self._freeze() if swarm.pace == "lockstep" else 0
         for _ in range(_TRIES):
             at_ns = frozen_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
-            in_time = await self._tell(faults, at_ns)
+            in_time = await self._arm_all(faults, at_ns)
             if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
                 break
         if swarm.pace == "lockstep":
             await swarm.order({"do": "thaw"})
         for fault in faults:
             self._sink.event({"event": "fault", "time_ns": at_ns, "fault": encode_value(fault)})
-        self._say_if_late(faults, at_ns, in_time=in_time)
+        self._record_late(faults, at_ns, in_time=in_time)
         return at_ns, faults
 
     async def _freeze(self) -> int:
-        """Freeze all agents, in lockstep pace; the first instant of which no agent has said anything yet.
+        """Freeze all agents, in lockstep pace; the first instant that no agent has reached or promised.
 
         Raises:
-            BadInput: there is none, as an agent without a living neighbour to wait for is at the end already.
+            BadInput: there is none, because an agent without a living neighbour does not wait and is at the end.
         """
         answers = await self._swarm.order({"do": "freeze"})
         mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
@@ -114,7 +112,7 @@ class Injector:
             raise BadInput(f"{who} not wait for others: there is no instant that all have still before them")
         return instant_ns
 
-    async def _tell(self, faults: Iterable[Fault], instant_ns: int) -> bool:
+    async def _arm_all(self, faults: Iterable[Fault], instant_ns: int) -> bool:
         self._swarm.interventions += self._swarm.pace == "lockstep"
         order = {"do": "arm", "faults": [encode_value(fault) for fault in faults], "instant_ns": instant_ns}
         began = time.monotonic()
@@ -123,23 +121,23 @@ class Injector:
         return all(answers.values())
 
     def _ahead_s(self) -> float:
-        """How far ahead to put an instant: further where the last order took long to reach all agents."""
+        """How far ahead to choose an instant: further if the last order took long to reach all agents."""
         return max(_AHEAD_S, _TIMES_AN_ORDER * self._took_s)
 
-    def _say_if_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
+    def _record_late(self, faults: Iterable[Fault], instant_ns: int, *, in_time: bool) -> None:
         for fault in () if in_time else faults:
             self._sink.event({"event": "late-fault", "time_ns": instant_ns, "id": fault.id})
 
     # -- undoing --------------------------------------------------------------------------------------------------
 
     async def clear(self, names: list[str]) -> str:
-        """Undo faults that are in force, all of them if none is named; what was done, in words.
+        """Undo faults in force, all of them if none is named; a description of what was done.
 
-        The name of an entry stands for all of its faults, t3 for t3.1 and t3.2, also for those to come, except kills.
-        Kills whose agents return by themselves are left alone.
+        The name of an entry stands for all its faults, t3 for t3.1 and t3.2, including future ones except kills. Kills
+        whose agents return anyway are not undone.
 
         Raises:
-            BadInput: a name that is not in force, or nothing to clear.
+            BadInput: a fault that is not in force, or no fault in force.
         """
         present = {name: fault for name, fault in self.in_force().items() if not self._comes_back(fault)}
         chosen: dict[str, Fault] = {} if names else present
@@ -168,7 +166,7 @@ class Injector:
         return isinstance(fault, Kill) and self._swarm.restarts.comes_back(fault)
 
     async def restart(self, words: str) -> str:
-        """Bring killed agents back; what was done, in words.
+        """Restart killed agents; a description of what was done.
 
         Raises:
             BadInput: none of them was killed.
@@ -176,7 +174,7 @@ class Injector:
         return f"restarted {await self._end_of(Kill, words, 'was killed')}"
 
     async def resume(self, words: str) -> str:
-        """Resume paused agents; what was done, in words.
+        """Resume paused agents; a description of what was done.
 
         Raises:
             BadInput: none of them is paused.
@@ -195,7 +193,7 @@ class Injector:
         return ", ".join(fault.agent for fault in chosen)
 
     async def restore(self, words: str, field: str) -> str:
-        """Clear every fault that cuts, or holds, one of the named links; what was done, in words.
+        """Clear every fault that cuts, or holds, one of the links; a description of what was done.
 
         Raises:
             BadInput: none of them is cut, or held.
@@ -212,7 +210,7 @@ class Injector:
         return f"cleared {', '.join(fault.id for fault in chosen)}"
 
     async def _end(self, faults: Sequence[Fault]) -> None:
-        """End faults at one instant; a new process stands by for each agent that returns then."""
+        """End faults at one instant, with a process on standby for each agent that returns then."""
         if self._swarm.pace == "lockstep":
             async with self._intervention():
                 until_ns = await self._freeze()
@@ -231,7 +229,7 @@ class Injector:
     ) -> None:
         swarm = self._swarm
         ended = [replace(fault, until_ns=until_ns) for fault in faults]
-        in_time = await self._tell(ended, until_ns)
+        in_time = await self._arm_all(ended, until_ns)
         self._faults.update({fault.id: fault for fault in ended})
         for key, kill in revived:
             await swarm.restarts.revive(key, replace(kill, until_ns=until_ns), until_ns)
@@ -240,7 +238,7 @@ class Injector:
         elif revived:
             in_time = in_time and swarm.now_ns() <= until_ns
         self._newest_ns = until_ns
-        self._say_if_late(ended, until_ns, in_time=in_time)
+        self._record_late(ended, until_ns, in_time=in_time)
         for fault in ended:
             self._sink.event({"event": "cleared", "time_ns": until_ns, "id": fault.id})
 
@@ -250,13 +248,13 @@ def _is_to_come(fault: Fault, now_ns: int) -> bool:
 
 
 def _shifted(draft: Fault, by_ns: int) -> Fault:
-    """A fault whose times were counted from the instant of the command."""
+    """A fault whose times were relative to the instant of the command."""
     until_ns = None if draft.until_ns is None else draft.until_ns + by_ns
     return replace(draft, at_ns=draft.at_ns + by_ns, until_ns=until_ns)
 
 
-def _told(faults: Sequence[Fault]) -> str:
-    """When faults are in force, in words."""
+def _times(faults: Sequence[Fault]) -> str:
+    """The times of faults, in words."""
     begin_s = min(fault.at_ns for fault in faults) / 1e9
     ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
     end = f"until {max(ends) / 1e9:.3f} s" if len(ends) == len(faults) else "until cleared"

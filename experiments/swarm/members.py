@@ -1,4 +1,4 @@
-"""Processes of a swarm, as their supervisor knows them."""
+"""The state of a swarm's processes, as their supervisor knows it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,16 @@ _LAST_BATCH_S = 1.0
 
 @dataclass
 class Member:
-    """One process. `state` is what its agent saves when a fault kills it that keeps the state.
+    """One process.
 
-    `killed`: it has reported that a fault kills it. `buried`: it has ended, and the cause is known.
+    joined: it has joined the swarm.
+    ended: it has ended.
+    killed: it has reported that a fault kills it.
+    buried: it has ended, and the cause is known.
+    done: it has reported its regular end.
+    stopped_from_outside: it was stopped externally (SIGSTOP).
+    batches: number of received journal batches.
+    state: what its agent saves when it is killed by a fault that keeps the state.
     """
 
     process: ForkServerProcess
@@ -36,7 +43,7 @@ class Member:
     state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
     async def cause(self) -> str:
-        """Cause of its end: a fault, whose report may still be on its way, or something external."""
+        """The cause of its end: a fault, whose report may still be on its way, or an external cause."""
         if self.process.exitcode == -signal.SIGKILL:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LAST_BATCH_S):
@@ -59,7 +66,7 @@ async def joined_or_ended(member: Member) -> None:
 
 
 async def watch_for_stopped(members: Callable[[], Iterable[Member]]) -> None:
-    """Kill processes that are stopped externally (SIGSTOP) for a while."""
+    """Kill processes that stay stopped externally (SIGSTOP)."""
     since: dict[int, float] = {}
     while True:
         await asyncio.sleep(_LOOK_EVERY_S)

@@ -1,4 +1,4 @@
-"""Restarts of agents that faults have killed."""
+"""Restarts of agents that were killed by faults."""
 
 from __future__ import annotations
 
@@ -31,15 +31,12 @@ class Restarts:
         return key
 
     def _incarnation_after(self, kill: Kill) -> int:
-        """Incarnations are numbered by the kills before them, those without a return included, as in the twin."""
+        """The incarnation after a kill: kills without a return count too, as in the twin."""
         kills = kills_of(self._fleet.live_faults.values(), kill.agent)
         return 1 + [other.id for other in kills].index(kill.id)
 
     async def revive(self, key: tuple[str, int], kill: Kill, start_ns: int) -> None:
-        """Start the incarnation of a process on standby at an instant, the end of a kill, with the state that was kept.
-
-        The caller holds `intervening`.
-        """
+        """Start a process on standby at the end of a kill, with the kept state; the caller holds `intervening`."""
         saved = None
         if kill.keep_state:
             async with asyncio.timeout(_STATE_TIMEOUT_S):
@@ -47,19 +44,19 @@ class Restarts:
         await self._fleet.bring_to_life(key, start_ns, saved)
 
     def later(self, kill: Kill) -> None:
-        """Schedule the return of an agent at the end of the fault that kills it, if that is in the run."""
+        """Schedule the return of an agent at the end of a kill, if this is before the end of the run."""
         if kill.until_ns is not None and kill.until_ns < self._fleet.end_ns:
             self._fleet.returns_due[kill.id] = kill
             self._fleet.background(self._at(kill, kill.until_ns))
 
     def comes_back(self, kill: Kill) -> bool:
-        """Whether the agent of a kill has returned or is about to: in lockstep pace all agents expect returns."""
+        """Whether the agent of a kill has returned or is about to; in lockstep pace scheduled returns always come."""
         agent = kill.agent
         due = self._fleet.pace == "lockstep" and any(other.agent == agent for other in self._fleet.returns_due.values())
         return due or agent in self._standing_by or self._fleet.current(agent)[1] >= self._incarnation_after(kill)
 
     async def _at(self, kill: Kill, until_ns: int) -> None:
-        """Restart an agent: in realtime pace the process stands by beforehand, in lockstep all agents wait for it."""
+        """Restart an agent, in realtime pace from a process on standby; in lockstep pace all agents wait for it."""
         fleet = self._fleet
         if fleet.pace == "realtime":
             await asyncio.sleep(max(0.0, (until_ns - fleet.ahead_ns(_STANDBY_S)) / 1e9 / fleet.speed))
@@ -77,7 +74,7 @@ class Restarts:
         self._standing_by.discard(kill.agent)
 
     async def _previous_end(self, kill: Kill) -> None:
-        """Wait until an agent is dead and has no earlier return than the one from this kill."""
+        """Wait until an agent is dead and has no return before the one from this kill."""
         while True:
             key = self._fleet.current(kill.agent)
             await self._fleet.member(*key).buried.wait()

@@ -1,4 +1,4 @@
-"""Start of agent processes: forked from a server that has loaded the heavy libraries, a swarm starts in seconds."""
+"""Start of agent processes, forked from a server that has loaded the large libraries, which takes seconds a swarm."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PRELOAD = ["volery.agents.process", "volery.agents.dfa.module"]
 
 @contextmanager
 def _plain_main() -> Iterator[None]:
-    """Keep the children from importing the main program, with its whole command line."""
+    """Prevent child processes from importing the main program."""
     original = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -27,14 +27,14 @@ def _plain_main() -> Iterator[None]:
 
 
 def prepare() -> None:
-    """Start the fork server. One BLAS thread an agent; byte code is kept, or imports take two to four times longer."""
+    """Configure the fork server: one BLAS thread an agent; byte code is written, for imports 2–4 times faster."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     multiprocessing.get_context("forkserver").set_forkserver_preload(_PRELOAD)
 
 
 def spawn(assignment: Assignment, path: list[str]) -> ForkServerProcess:
-    """Start a process for one agent, which finds modules on `path`."""
+    """Start the process of one agent; `path`: its module search path."""
     context = multiprocessing.get_context("forkserver")
     name = f"volery-{assignment.run}-{assignment.name}-{assignment.incarnation}"
     process = context.Process(target=main, args=(assignment, path), name=name, daemon=True)

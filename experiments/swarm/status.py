@@ -1,4 +1,4 @@
-"""What is going on in a running swarm, from what its agents report: for the progress display and `volery status`."""
+"""State of a running swarm from the reports of its agents, for the progress display and `volery status`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from ..twin import RecordSink
 
 
 class Status:
-    """What is so by now: fates of frames, late frames, newest estimates, and who is alive.
+    """Present state of a run: fates of frames, late frames, newest estimates, and living agents.
 
-    `alive`: whose processes live, a coupled world that runs beside the agents included. `faults`: those in force, in
-    words. `used`: the links on which a frame was heard.
+    time_ns: nominal time.
+    alive: agents with a living process, including the agent of a coupled world.
+    faults: id → description of a fault in force.
+    used: links on which a frame has been received.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -37,7 +39,7 @@ class Status:
         self._events: list[dict[str, Any]] = []
 
     def take(self, batch: Batch) -> None:
-        """Take in the entries of a batch."""
+        """Add the entries of a batch."""
         self._fates.take(batch)
         self._late += len(batch.late)
         self.used.update((entry.source, batch.agent) for entry in batch.heard)
@@ -45,15 +47,15 @@ class Status:
             self._newest.setdefault(estimate.quantity, {})[batch.agent] = estimate
 
     def event(self, event: dict[str, Any]) -> None:
-        """Take in an event of the run."""
+        """Add an event of the run."""
         self._events.append(event)
 
     def fates(self) -> Counter[str]:
-        """Fate → frames whose fate is known by now."""
+        """Fate → number of frames whose fate is known."""
         return self._fates.so_far(Record(self._plan, {}, self._events), self.time_ns)
 
     def disagreement(self) -> float | None:
-        """That of the newest estimates of the living, of the first shared quantity that two of them have reported."""
+        """Disagreement of living agents' newest estimates, of the first shared quantity that two of them report."""
         for quantity, reported in self._newest.items():
             living = [agent for agent in self._plan.agents if agent.name in self.alive and agent.name in reported]
             values = [reported[agent.name].value for agent in living]
@@ -69,7 +71,7 @@ class Status:
         return evaluations(self._plan, {})
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for `volery status`."""
+        """The state as plain data for `volery status`."""
         fates = self.fates()
         return {
             "time_s": self.time_ns / 1e9,
@@ -86,18 +88,18 @@ class Status:
 
 
 class WatchedSink:
-    """Hands what happens to the sink of a run, and to its status."""
+    """Passes entries on to the sink of a run and to its status."""
 
     def __init__(self, sink: RecordSink, status: Status) -> None:
         self._sink = sink
         self._status = status
 
     def __call__(self, batch: Batch) -> None:
-        """Take the entries of one agent."""
+        """Add the entries of one agent."""
         self._status.take(batch)
         self._sink(batch)
 
     def event(self, event: dict[str, Any]) -> None:
-        """Take an event of the run."""
+        """Add an event of the run."""
         self._status.event(event)
         self._sink.event(event)

@@ -1,6 +1,6 @@
-"""The supervisor of a swarm over Zenoh: opens the hub, starts the agents, takes their journals, and ends the run.
+"""The supervisor of a swarm over Zenoh: opens the hub, starts the agents, receives their journals, and ends the run.
 
-Frames go from agent to agent through the hub's router; no Python of the supervisor touches them.
+Frames go from agent to agent through the hub's router, without Python code of the supervisor.
 """
 
 from __future__ import annotations
@@ -38,9 +38,11 @@ _TELEMETRY_LIMIT = 1_000_000
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: what went wrong, if anything, and how long its nominal time took by the clock.
+    """The end of a run.
 
-    `sources`: name → file of the users' modules that agents had loaded in processes of their own.
+    problems: what went wrong.
+    wall_s: duration of the run by the wall clock.
+    sources: name → file of users' modules that agents' processes had loaded.
     """
 
     problems: tuple[str, ...]
@@ -49,10 +51,10 @@ class Ending:
 
 
 class Swarm(Fleet):
-    """One run of a plan in processes of its own; arguments as those of `Fleet`.
+    """One run of a plan, with a process for each agent; arguments as for `Fleet`.
 
     Args:
-        listen: the hub's endpoint.
+        listen: endpoint of the hub.
     """
 
     def __init__(
@@ -70,7 +72,7 @@ class Swarm(Fleet):
         self._news = asyncio.Event()
 
     async def run(self) -> Ending:
-        """Run from the first process to the last; however that ends, no process and no session is left behind.
+        """Run from the start of the first process to the end of the last; no process and no session is left behind.
 
         Raises:
             BadInput: the endpoint cannot be used.
@@ -84,24 +86,24 @@ class Swarm(Fleet):
             joined = {agent.name: agent.neighbours + agent.wired for agent in self.plan.all_agents}
             control = access_control(self.keys, joined)
             self.session, self.endpoint = zs.open_hub(self._listen, control, passwords)
-        told, wall_ns = False, 0
+        stopped, wall_ns = False, 0
         try:
-            telemetry = zs.Inbox(self.loop, _TELEMETRY_LIMIT, self._heard)
+            telemetry = zs.Inbox(self.loop, _TELEMETRY_LIMIT, self._receive)
             tokens = zs.Inbox(self.loop, _TELEMETRY_LIMIT, self._token_changed)
-            hearing = self.session.declare_subscriber(self.keys.telemetry("*"), telemetry.push)
-            watching = self.session.liveliness().declare_subscriber(self.keys.alive("*"), tokens.push, history=True)
+            journals = self.session.declare_subscriber(self.keys.telemetry("*"), telemetry.push)
+            liveliness = self.session.liveliness().declare_subscriber(self.keys.alive("*"), tokens.push, history=True)
             await self._start()
             await self.over.wait()
             wall_ns = max(0, time.monotonic_ns() - self.epoch_ns)
             async with self.intervening:
                 await self._finish()
-            told = True
-            del hearing, watching
+            stopped = True
+            del journals, liveliness
         finally:
             for task in self.tasks:
                 task.cancel()
             await asyncio.gather(*self.tasks, return_exceptions=True)
-            await self._end_processes(told=told)
+            await self._end_processes(stopped=stopped)
             await asyncio.to_thread(self.session.close)
         return Ending(tuple(self.problems), wall_ns / 1e9, self.loaded_sources)
 
@@ -125,7 +127,7 @@ class Swarm(Fleet):
         self.background(watch_for_stopped(self.members.values))
 
     async def stop(self) -> None:
-        """End the run early, at one nominal instant for all."""
+        """End the run early, at the same nominal instant for all agents."""
         if not self.ready.is_set():
             self.problems.append("stopped before the run began")
             self.over.set()
@@ -140,9 +142,9 @@ class Swarm(Fleet):
             await self.order({"do": "thaw"})
             self.sink.event({"event": "stopped", "time_ns": self.end_ns})
 
-    # -- what agents tell ---------------------------------------------------------------------------------------
+    # -- telemetry ----------------------------------------------------------------------------------------------
 
-    def _heard(self, samples: list[zs.Sample]) -> None:
+    def _receive(self, samples: list[zs.Sample]) -> None:
         for sample in samples:
             self._take(msgpack.unpackb(sample.payload.to_bytes()))
 
@@ -179,7 +181,7 @@ class Swarm(Fleet):
                     self.mark_alive(name, incarnation)
 
     async def _watch_the_end(self) -> None:
-        """In realtime pace, end a run whose agents say nothing long after their end."""
+        """In realtime pace, end a run whose agents have not reported their end for too long."""
         while self.pace == "realtime":
             overdue_s = (self.now_ns() - self.end_ns) / 1e9 / self.speed
             if overdue_s > _OVERDUE_S:
@@ -194,7 +196,7 @@ class Swarm(Fleet):
     # -- the end ------------------------------------------------------------------------------------------------
 
     async def _finish(self) -> None:
-        """Stop the agents, and wait for their last batches."""
+        """Stop the agents and wait for their last batches."""
         for member in [member for member in self.members.values() if member.ended.is_set()]:
             await member.buried.wait()
         last = await self.order({"do": "stop"})
@@ -208,10 +210,10 @@ class Swarm(Fleet):
                 self.problems.append(f"agent {key[0]}: its last journal batch was lost on the way")
         self.sink.event({"event": "finished", "time_ns": self.end_ns})
 
-    async def _end_processes(self, *, told: bool) -> None:
-        """Wait for the processes that were told to stop; end the others, and those that take too long."""
+    async def _end_processes(self, *, stopped: bool) -> None:
+        """Wait for the processes to end if they were ordered to stop; kill those that do not end in time."""
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_LEAVE_TIMEOUT_S if told else 0):
+            async with asyncio.timeout(_LEAVE_TIMEOUT_S if stopped else 0):
                 for member in list(self.members.values()):
                     await member.ended.wait()
         for member in self.members.values():
