@@ -72,12 +72,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: its folder, its record as read from there, what was measured, and what went wrong."""
+    """A finished run: its folder, its record as read from there, and what was measured."""
 
     folder: Path
     record: Record
     metrics: Metrics
-    problems: tuple[str, ...]
 
 
 Watch = Callable[[Status], None]
@@ -108,7 +107,7 @@ def execute(
     realtime = (options.engine, options.pace) == ("zenoh", "realtime")
     check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
     folder = _new_folder(options, plan.name)
-    (folder / SCENARIO_FILE).write_text(scenario, "utf-8")
+    write_whole(folder / SCENARIO_FILE, scenario)
     info = _info(plan, options)
     try:
         write_plan(folder, plan)
@@ -133,8 +132,7 @@ def execute(
     metrics = write_metrics(record, folder)
     if options.figures:
         draw(record, (), folder / FIGURES_FOLDER)
-    problems = (*ending.problems, record.not_evaluated) if record.not_evaluated else ending.problems
-    return Outcome(folder, record, metrics, problems)
+    return Outcome(folder, record, metrics)
 
 
 def _evaluated(record: Record, folder: Path, info: dict[str, Any]) -> Record:

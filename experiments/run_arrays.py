@@ -33,8 +33,8 @@ class Run:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What went wrong; empty for a run that is fine."""
-        return tuple(self.record.info.get("problems", ()))
+        """What went wrong, in the run or in its evaluation; empty for a run that is fine."""
+        return self.record.problems
 
     @property
     def quantities(self) -> tuple[str, ...]:

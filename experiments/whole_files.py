@@ -9,8 +9,8 @@ from pathlib import Path
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A place to write to, which takes the place of `path` at the end of the block; nothing is left where it fails."""
-    partial = path.with_name(path.name + ".partial")
+    """Where to write a file, with its suffix; it becomes `path` at the end of the block, or vanishes with an error."""
+    partial = path.with_stem(f"{path.stem}.partial")
     try:
         yield partial
         partial.replace(path)
@@ -18,7 +18,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text as UTF-8."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write bytes, or a text as UTF-8."""
     with whole_file(path) as partial:
-        partial.write_text(text, "utf-8")
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)

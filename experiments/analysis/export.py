@@ -12,6 +12,7 @@ import numpy as np
 from ...errors import BadInput
 from ..record.frame_fates import FrameFate, frame_fates
 from ..record.record import Record
+from ..whole_files import whole_file
 
 Format = Literal["csv", "parquet", "npz"]
 FORMATS: tuple[Format, ...] = ("csv", "parquet", "npz")
@@ -47,7 +48,8 @@ def write(record: Record, format: Format, out: Path) -> list[Path]:  # noqa: A00
         raise BadInput(f"export format {format!r} is not known: one of {', '.join(FORMATS)}")
     out.mkdir(parents=True, exist_ok=True)
     if format == "npz":
-        np.savez_compressed(out / "run.npz", allow_pickle=False, **arrays(record))
+        with whole_file(out / "run.npz") as partial:
+            np.savez_compressed(partial, allow_pickle=False, **arrays(record))
         return [out / "run.npz"]
     rows = {"estimates": estimate_rows(record), "frames": frame_rows(record)}
     paths = [out / f"{name}.{format}" for name in TABLES]
@@ -106,7 +108,7 @@ def frame_columns(record: Record) -> dict[str, np.ndarray[Any, Any]]:
 
 def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[tuple[Any, ...]]) -> None:
     """Write rows with every text in quotes, an empty cell for None."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         for row in ((*columns,), *rows):
             file.write(",".join(map(_cell, row)) + "\r\n")
 
@@ -124,8 +126,8 @@ def write_parquet(path: Path, columns: dict[str, str], rows: Iterable[tuple[Any,
     """
     import duckdb
 
-    with tempfile.TemporaryDirectory() as private, duckdb.connect() as database:
+    with whole_file(path) as partial, tempfile.TemporaryDirectory() as private, duckdb.connect() as database:
         source = Path(private) / "rows.csv"
         _write_csv(source, columns, rows)
         table = database.read_csv(str(source), header=True, columns=columns)
-        table.write_parquet(str(path), compression="zstd")
+        table.write_parquet(str(partial), compression="zstd")

@@ -66,10 +66,10 @@ def run(
         return detached(_words(scenario, set_, options, strict=strict), options)
     outcome = _watched(read, options)
     _print_metrics(outcome.metrics)
-    for problem in outcome.problems:
+    for problem in outcome.record.problems:
         print_error(problem)
     _print_folder(outcome.folder)
-    if outcome.problems:
+    if outcome.record.problems:
         return FAILED
     return NOT_CERTIFIED if strict and not outcome.metrics.fidelity.as_asked else 0
 

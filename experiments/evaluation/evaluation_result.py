@@ -105,8 +105,8 @@ def save_evaluation(result: EvaluationResult, path: Path) -> None:
         return name
 
     about = json.dumps({"version": VERSION, "result": encode_value(result, store)})
-    with whole_file(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **{_ABOUT: np.array(about)}, **large)
+    with whole_file(path) as partial:
+        np.savez_compressed(partial, allow_pickle=False, **{_ABOUT: np.array(about)}, **large)
 
 
 def load_evaluation(path: Path) -> EvaluationResult | None:

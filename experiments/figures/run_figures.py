@@ -22,6 +22,7 @@ from ..analysis.metrics import courses
 from ..record.record import Record
 from ..record.samples import Samples, samples
 from ..scenario.fault_labels import fault_label
+from ..whole_files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -85,7 +86,8 @@ def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Seq
         draw_into(figure)
         paths = [out / f"{name}.{format_}" for format_ in formats]
         for path in paths:
-            figure.savefig(path)
+            with whole_file(path) as unfinished:
+                figure.savefig(unfinished)
     return paths
 
 

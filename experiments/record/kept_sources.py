@@ -37,7 +37,7 @@ def keep_sources(folder: Path, sources: Mapping[str, str], data: Iterable[Path] 
     for place, (content, original) in contents.items():
         target = folder / SOURCES_FOLDER / place
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
+        write_whole(target, content)
         manifest[place] = {"sha256": _hash(content), "from": original}
     write_whole(folder / MANIFEST_FILE, json.dumps(manifest, indent=1))
 

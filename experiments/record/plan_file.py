@@ -26,7 +26,7 @@ def write_plan(folder: Path, plan: Plan) -> None:
 
     def store(data: bytes) -> str:
         name = f"plan-{sha256(data).hexdigest()[:16]}.bin"
-        (folder / name).write_bytes(data)
+        write_whole(folder / name, data)
         return name
 
     write_whole(folder / PLAN_FILE, encode_plan(plan, store))

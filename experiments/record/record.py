@@ -138,6 +138,11 @@ class Record:
         return found
 
     @property
+    def problems(self) -> tuple[str, ...]:
+        """What went wrong, in the run or in its evaluation; empty for a run that is fine."""
+        return (*self.info.get("problems", ()), *filter(None, [self.not_evaluated]))
+
+    @property
     def not_evaluated(self) -> str:
         """Why there is no evaluation, and what to do; empty where there is one."""
         if self.evaluation is not None:

@@ -23,7 +23,7 @@ from ...errors import BadInput
 from ..analysis.export import write_parquet
 from ..record.encoding import dump, tag, untag
 from ..record.run_files import SWEEP_FILE
-from ..whole_files import whole_file, write_whole
+from ..whole_files import write_whole
 from .sweep_plan import SweepPlan, SweptCell
 from .sweep_runs import Values
 
@@ -108,8 +108,7 @@ def table_rows(sweep: Sweep) -> Iterator[tuple[Any, ...]]:
 def write_table(sweep: Sweep) -> Path:
     """Write the table as Parquet; a table that was there is replaced in one step."""
     path = sweep.folder / TABLE_FILE
-    with whole_file(path) as partial:
-        write_parquet(partial, columns(sweep), table_rows(sweep))
+    write_parquet(path, columns(sweep), table_rows(sweep))
     return path
 
 

@@ -141,7 +141,7 @@ def _main(folder: Path) -> None:
     job = Job(**json.load(sys.stdin))
     sys.path.extend(path for path in job.paths if path not in sys.path)
     try:
-        problems = _execute(job, folder).problems
+        problems = _execute(job, folder).record.problems
     except VoleryError as error:
         problems = (str(error),)
     if problems:

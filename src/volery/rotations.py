@@ -107,10 +107,7 @@ def from_matrix(R: Floats) -> Floats:
     w, x, y, z = _normalised(*found)
     off = max(map(abs, map(float.__sub__, _matrix(w, x, y, z), entries)))
     if not off <= UNIT_WITHIN:
-        raise BadInput(
-            f"this matrix is off the nearest rotation found by {off:.3g}, allowed is {UNIT_WITHIN:g}: "
-            "project_so3 gives a rotation"
-        )
+        raise BadInput(f"this matrix is off the nearest rotation found by {off:.3g}, allowed is {UNIT_WITHIN:g}")
     return np.array((-w, -x, -y, -z) if w < 0.0 else (w, x, y, z))
 
 
@@ -212,37 +209,9 @@ def skew(v: Floats) -> Floats:
     return np.array((0.0, -z, y, z, 0.0, -x, -y, x, 0.0)).reshape(3, 3)
 
 
-def vee(S: Floats) -> Floats:
-    """The vector v of a skew-symmetric matrix S, (3,): S u = v × u.
-
-    Raises:
-        BadInput: S + Sᵀ is not zero.
-    """
-    off = float(abs(S + S.T).max())
-    if not off <= UNIT_WITHIN * max(1.0, float(abs(S).max())):
-        raise BadInput(f"this matrix is not skew-symmetric: S + Sᵀ has an entry of {off:.3g}; take ½ (S − Sᵀ)")
-    return np.array((S[2, 1], S[0, 2], S[1, 0]))
-
-
 def exp_so3(rotvec: Floats) -> Floats:
     """The rotation matrix exp(skew(v)) of a rotation vector v [rad], (3, 3)."""
     return np.array(_matrix(*_exp(*rotvec.tolist()))).reshape(3, 3)
-
-
-def project_so3(M: Floats) -> Floats:
-    """The rotation matrix nearest to M in the Frobenius norm, (3, 3): U diag(1, 1, det U Vᵀ) Vᵀ of M = U Σ Vᵀ.
-
-    Raises:
-        BadInput: the nearest rotation is not unique (rank below 2, or a reflection without a weakest axis), or M is not
-            finite.
-    """
-    if not np.isfinite(M).all():
-        raise BadInput("a matrix with entries that are not finite has no nearest rotation")
-    U, sizes, Vt = np.linalg.svd(M)
-    sign = 1.0 if np.linalg.det(U @ Vt) > 0.0 else -1.0
-    if sizes[1] + sign * sizes[2] <= 1e-12 * sizes[0]:
-        raise BadInput(f"more than one rotation is nearest to a matrix with singular values {sizes}, sign {sign:+g}")
-    return np.asarray((U * (1.0, 1.0, sign)) @ Vt)
 
 
 # -- The same on plain floats -------------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from volery import load as load_run
+
 MODULE = """\
 from volery.agents.agent import Agent
 from volery.experiments.evaluation.evaluation import Evaluation
@@ -49,6 +51,7 @@ def test_a_run_whose_evaluation_fails_says_so_and_is_evaluated_once_that_is_mend
     reason = "this run is not evaluated (ZeroDivisionError: float division by zero): `volery evaluate RUN` does it"
     assert said.code == 1
     assert reason in said.error
+    assert load_run("runs/mine").problems == (reason,)
     assert "the sum of frames closes on every link" in volery("metrics", "mine").out
     assert reason in volery("export", "mine", "--csv").error
     with pytest.raises(ZeroDivisionError):
@@ -56,6 +59,7 @@ def test_a_run_whose_evaluation_fails_says_so_and_is_evaluated_once_that_is_mend
     own("1.0")
     _forget(monkeypatch)
     assert volery("evaluate", "mine").out.split() == ["runs/mine/evaluation.npz"]
+    assert load_run("runs/mine").problems == ()
     rows = _exported(volery)
     assert {row[-3:] for row in rows} == {("3.0", "nan", "1.0")}
 

@@ -104,7 +104,9 @@ def test_problems_are_told_and_end_with_1(volery: Volery, monkeypatch: pytest.Mo
     """A run with problems failed, even with --strict, and says why."""
 
     def failing(*arguments: Any) -> Any:
-        return replace(execute(*arguments), problems=("agent 3 ended with exit code 1",))
+        outcome = execute(*arguments)
+        info = {**outcome.record.info, "problems": ["agent 3 ended with exit code 1"]}
+        return replace(outcome, record=replace(outcome.record, info=info))
 
     monkeypatch.setattr(cli_run, "execute", failing)
     said = volery("run", "short.yaml", *TWIN, "--strict")
