@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
 from ..estimators.information import pack_symmetric
+from ..kinds import NoParameters
 from ..quantities import covariance_name
 from ..randomness import Stream, stream
 from ..transport.media_settings import AIR
@@ -34,11 +35,16 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A payload from a neighbour, at the instant at which it is due: all that a radio would tell."""
+    """A payload from a neighbour, at the instant at which it is due: all that a radio would tell.
+
+    `measured`: what the receiver measured from the frame, such as range or signal strength, (k,); None where the world
+    has no such sensor, or where it sees nothing.
+    """
 
     source: str
     payload: bytes
     time_ns: int
+    measured: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,11 +294,6 @@ class Context:
                 f"agent {self.name}: {len(payload)} B for {', '.join(targets)}, the link's MTU is {mtu} B"
             )
         state.effects.append(Send(targets, payload, stream))
-
-
-@dataclass(frozen=True)
-class NoParameters:
-    """Parameters of an agent that has none."""
 
 
 class Agent:

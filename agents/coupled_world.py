@@ -17,7 +17,7 @@ from ..errors import BadInput
 from ..transport.faults import Fault
 from ..transport.latency_settings import Constant
 from ..transport.links import LinkSettings
-from ..units import period_ns
+from ..units import SampleTimes, sample_ns
 from .agent import Agent, Apply, Context, ContextState, Received, Sample, Send, Timer
 from .plan import WORLD, AgentPlan, Plan, Running
 from .sensor_samples import Disturbances
@@ -91,8 +91,8 @@ class CoupledWorld(Agent):
         self._disturbances = Disturbances(plan.seed)
         self._truth_rate = world.truth_rate
         self._sensors = {agent.name: world.sensors(agent.name) for agent in plan.agents}
-        self._next: dict[float, int] = dict.fromkeys(
-            {rate for mine in self._sensors.values() for rate in mine.values()}, 0
+        self._next: dict[SampleTimes, int] = dict.fromkeys(
+            {times for mine in self._sensors.values() for times in mine.values()}, 0
         )
         self._next_truth = 0
 
@@ -101,8 +101,8 @@ class CoupledWorld(Agent):
         self._wait()
 
     def _wait(self) -> None:
-        times = [period_ns(rate, index) for rate, index in (*self._next.items(), self._truth_due())]
-        self.context.set_timer(min(times), _STEP)
+        due = (sample_ns(times, index) for times, index in (*self._next.items(), self._truth_due()))
+        self.context.set_timer(min(time_ns for time_ns in due if time_ns is not None), _STEP)
 
     def _truth_due(self) -> tuple[float, int]:
         return self._truth_rate, self._next_truth
@@ -111,21 +111,21 @@ class CoupledWorld(Agent):
         """Take the samples of this instant, then report the truth if that is due."""
         now_ns = timer.time_ns
         self._running.advance(now_ns)
-        due = {rate: index for rate, index in self._next.items() if period_ns(rate, index) == now_ns}
+        due = {times: index for times, index in self._next.items() if sample_ns(times, index) == now_ns}
         if due:
             self._sense(due, now_ns)
-            self._next.update((rate, index + 1) for rate, index in due.items())
-        if period_ns(*self._truth_due()) == now_ns:
+            self._next.update((times, index + 1) for times, index in due.items())
+        if sample_ns(*self._truth_due()) == now_ns:
             self._write_down(now_ns)
             self._next_truth += 1
         self._wait()
 
-    def _sense(self, due: Mapping[float, int], now_ns: int) -> None:
+    def _sense(self, due: Mapping[SampleTimes, int], now_ns: int) -> None:
         for agent, sensors in self._sensors.items():
             samples = [
-                Sample(sensor, due[rate], now_ns, self._measured(agent, sensor, due[rate], now_ns))
-                for sensor, rate in sensors.items()
-                if rate in due
+                Sample(sensor, due[times], now_ns, self._measured(agent, sensor, due[times], now_ns))
+                for sensor, times in sensors.items()
+                if times in due
             ]
             if samples:
                 self._wires.wire(agent, pack_samples(samples))

@@ -62,6 +62,17 @@ class Payload(NamedTuple):
     content: str
 
 
+class Measured(NamedTuple):
+    """What an agent measured from a frame that was delivered to it at `time_ns`; `value` is None where nothing was."""
+
+    time_ns: int
+    source: str
+    incarnation: int
+    sequence: int
+    copy: int
+    value: list[float] | None
+
+
 class Sent(NamedTuple):
     """A transmission as its sender saw it; `verdict`: delivered, cut, loss or corrupt; `copy` is 1 for a duplicate."""
 
@@ -139,7 +150,7 @@ FRAME_ROWS: dict[str, Any] = {
     "arrived": Arrived,
 }
 """The lists of a batch that speak of frames, and the kind of their rows."""
-FACT_ROWS: dict[str, Any] = {"samples": Taken, "commands": Commanded, "payloads": Payload}
+FACT_ROWS: dict[str, Any] = {"samples": Taken, "commands": Commanded, "payloads": Payload, "measured": Measured}
 """Those that the evaluation of a run lives on."""
 ENTRIES: dict[str, Any] = {"estimates": Estimate, **FRAME_ROWS, **FACT_ROWS}
 """All of them; the events of a batch are mappings."""
@@ -162,6 +173,7 @@ class Batch:
     samples: list[Taken] = field(default_factory=list)
     commands: list[Commanded] = field(default_factory=list)
     payloads: list[Payload] = field(default_factory=list)
+    measured: list[Measured] = field(default_factory=list)
 
     def __bool__(self) -> bool:
         """Whether there is anything in it."""

@@ -13,6 +13,8 @@ from operator import itemgetter
 from typing import Any
 
 import msgpack
+import numpy as np
+from numpy.typing import NDArray
 
 from ..transport.clock import Clock
 from ..transport.events import (
@@ -34,13 +36,13 @@ from ..transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, Pause, S
 from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
 from ..transport.media import Ether
-from ..units import first_period, period_ns
+from ..units import SampleTimes, first_sample, sample_ns
 from .agent import Agent, Apply, Command, Context, ContextState, Note, Received, Report, Sample, Send, Timer
 from .coupled_world import KIND as COUPLED_WORLD
 from .coupled_world import WorldContext
-from .journal import NOTED, Batch, Commanded, Estimate, Payload, Taken
+from .journal import NOTED, Batch, Commanded, Estimate, Measured, Payload, Taken
 from .node_state import NodeState
-from .plan import WORLD, Plan
+from .plan import WORLD, Plan, frame_measuring
 from .receiver import Receiver
 from .registry import find
 from .sender import Put, Sender
@@ -131,8 +133,8 @@ class Node:
                 self._changes_ns.add(time_ns)
                 self.state.schedule(time_ns, FAULT, _GRAPH, number, self._on_graph, None)
         if self.plan.world is not None:
-            for sensor, rate in self.plan.world.sensors(self.state.name).items():
-                self._schedule_sample(sensor, rate, first_period(rate, start_ns))
+            for sensor, times in self.plan.world.sensors(self.state.name).items():
+                self._schedule_sample(sensor, times, first_sample(times, start_ns))
         self._told.event_ns = self._clock.reading(start_ns)
         self.run_handler(self.agent.start)
         if self.saved is not None:
@@ -185,15 +187,16 @@ class Node:
 
     # -- samples, timers and frames -----------------------------------------------------------------------------
 
-    def _schedule_sample(self, sensor: str, rate: float, index: int) -> None:
-        source = f"{self.state.name}.{sensor}"
-        self.state.schedule(period_ns(rate, index), SENSE, source, index, self._on_sense, (sensor, rate, index))
+    def _schedule_sample(self, sensor: str, times: SampleTimes, index: int) -> None:
+        if (time_ns := sample_ns(times, index)) is not None:
+            source = f"{self.state.name}.{sensor}"
+            self.state.schedule(time_ns, SENSE, source, index, self._on_sense, (sensor, times, index))
 
     def _on_sense(self, event: Event) -> None:
         if self.state.dead:
             return
-        sensor, rate, index = event[DATA]
-        self._schedule_sample(sensor, rate, index + 1)
+        sensor, times, index = event[DATA]
+        self._schedule_sample(sensor, times, index + 1)
         self._admit(event, self._sense)
 
     def _sense(self, event: Event) -> None:
@@ -228,11 +231,23 @@ class Node:
 
     def _take_frame(self, event: Event) -> None:
         """Hand a frame to the agent, stamped by the agent's own clock."""
+        source, frame = event[SOURCE], event[DATA]
         if self.plan.keeps_payloads:
-            self.state.journal.payloads.append(Payload(event[TIME], event[SOURCE], event[DATA].payload.hex()))
+            self.state.journal.payloads.append(Payload(event[TIME], source, frame.payload.hex()))
+        received = Received(source, frame.payload, self._told.event_ns, self._measured(event[TIME], source, frame))
         self._told.may_act = not self._timers_only
-        self.run_handler(self.agent.on_frame, Received(event[SOURCE], event[DATA].payload, self._told.event_ns))
+        self.run_handler(self.agent.on_frame, received)
         self._told.may_act = True
+
+    def _measured(self, time_ns: int, source: str, frame: Frame) -> NDArray[np.float64] | None:
+        """Journal what is measured from a delivered frame: a function of the plan and of the frame's header."""
+        if (world := frame_measuring(self.plan.world)) is None:
+            return None
+        name = frame.incarnation, frame.sequence, frame.copy
+        value = world.measure_frame(source, self.state.name, frame.start_ns, *name)
+        flat = None if value is None else value.tolist()
+        self.state.journal.measured.append(Measured(time_ns, source, *name, flat))
+        return value
 
     def _take_samples(self, event: Event) -> None:
         """Hand samples that a coupled world has taken to the agent."""

@@ -14,6 +14,7 @@ from ..errors import BadInput
 from ..topologies import Span
 from ..transport.faults import Fault, Kill, LinkName, kills_of
 from ..transport.links import LinkSettings
+from ..units import SampleTimes
 
 MILLISECOND_NS = 1_000_000
 WORLD = "world"
@@ -21,29 +22,52 @@ WORLD = "world"
 
 
 class World(Protocol):
-    """The truth and the sensors that look at it: pure functions of seed and time."""
+    """The sensors that look at the truth: pure functions of seed and time."""
 
-    def sensors(self, agent: str) -> Mapping[str, float]:
-        """Sensor name → rate in Hz, for one agent."""
+    def sensors(self, agent: str) -> Mapping[str, SampleTimes]:
+        """Sensor name → when it samples, for one agent."""
 
     def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
-        """The sensor's index-th sample, taken at floor(index·10⁹ / rate); None where it sees nothing."""
+        """The sensor's index-th sample, (k,), or (n, k) whose first column says what each row measures.
 
-    def truth(self, time_ns: int) -> NDArray[np.float64]:
-        """The true state at an instant."""
+        None where it sees nothing. Faults leave the first column alone.
+        """
 
 
 @runtime_checkable
 class Moving(Protocol):
-    """A world in which agents move."""
+    """A world in which agents move, if `moves` says so."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether they do."""
 
     def position(self, agent: str, time_ns: int) -> NDArray[np.float64]:
         """Position of one agent at an instant, shape (2,) or (3,) [m]."""
 
 
 def moving(world: object) -> Moving | None:
-    """The world, if agents move in it: if its `position` is a method, and not a size, as of a target; else None."""
-    return world if isinstance(world, Moving) and callable(world.position) else None
+    """The world, if agents move in it; else None."""
+    return world if isinstance(world, Moving) and world.moves else None
+
+
+@runtime_checkable
+class FrameMeasuring(Protocol):
+    """A world in which agents measure something from the frames that they receive, if `measures_frames` says so."""
+
+    @property
+    def measures_frames(self) -> bool:
+        """Whether they do."""
+
+    def measure_frame(
+        self, source: str, target: str, time_ns: int, incarnation: int, sequence: int, copy: int
+    ) -> NDArray[np.float64] | None:
+        """What `target` measures from a frame whose transmission started at an instant, (k,); None if nothing."""
+
+
+def frame_measuring(world: object) -> FrameMeasuring | None:
+    """The world, if agents measure something from frames; else None."""
+    return world if isinstance(world, FrameMeasuring) and world.measures_frames else None
 
 
 @runtime_checkable
@@ -100,8 +124,8 @@ class Coupled(Protocol):
     def truth_rate(self) -> float:
         """Rate at which the truth is reported [Hz]."""
 
-    def sensors(self, agent: str) -> Mapping[str, float]:
-        """Sensor name → rate in Hz, for one agent."""
+    def sensors(self, agent: str) -> Mapping[str, SampleTimes]:
+        """Sensor name → when it samples, for one agent."""
 
     def begin(self) -> Running:
         """The world at instant 0."""

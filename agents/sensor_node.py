@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import BadInput
-from ..units import Hertz
+from ..units import SampleTimes
 from . import measurements
 from .agent import Agent, Offer, Sample
 from .measurements import Measurement
@@ -57,14 +57,17 @@ class SensorNode(Agent):
     @classmethod
     def offers(cls, plan: Plan, name: str) -> Offer:
         """A frame a sample of each sensor; the largest payload is that of the sensor with the most values."""
-        rates, found = _sensors(plan, name), widths(plan, name)
+        times, found = _sensors(plan, name), widths(plan, name)
         parameters: SensorNodeParameters = plan.agent(name).parameters
         sizes = [
             measurements.largest_size(number, width, parameters.payload)
             for sensor, number in numbers(plan, name)
             if (width := found[sensor]) is not None
         ]
-        return Offer(max(sizes) if len(sizes) == len(rates) > 0 else None, sum(rates.values()))
+        rates = [rate for rate in times.values() if isinstance(rate, float)]
+        return Offer(
+            max(sizes) if len(sizes) == len(times) > 0 else None, sum(rates) if len(rates) == len(times) else None
+        )
 
     @classmethod
     def broadcasts(cls, parameters: SensorNodeParameters) -> bool:
@@ -79,13 +82,13 @@ class SensorNode(Agent):
         return [text for text in found if text is not None]
 
 
-def _problem(name: str, parameters: SensorNodeParameters, rates: dict[str, Hertz]) -> str | None:
-    has = ", ".join(rates)
-    if not rates:
+def _problem(name: str, parameters: SensorNodeParameters, sensors: Collection[str]) -> str | None:
+    has = ", ".join(sensors)
+    if not sensors:
         return f"sensor node {name} has no sensor: add a world that gives it one, or another kind of agent for it"
-    if not parameters.sensors and len(rates) > 1:
+    if not parameters.sensors and len(sensors) > 1:
         return f"sensor node {name} has several sensors, and no numbers for them: write sensors: [{has}]"
-    if parameters.sensors and set(parameters.sensors) != set(rates):
+    if parameters.sensors and set(parameters.sensors) != set(sensors):
         return f"sensor node {name} lists {', '.join(parameters.sensors)}, the world gives it {has}: list just those"
     return None
 
@@ -108,9 +111,9 @@ def widths(plan: Plan, name: str) -> dict[str, int | None]:
     return {sensor: _width(plan, name, sensor) for sensor in _sensors(plan, name)}
 
 
-def _sensors(plan: Plan, name: str) -> dict[str, Hertz]:
-    """Sensor → rate [Hz] of one agent."""
-    return {} if plan.world is None else dict(plan.world.sensors(name))
+def _sensors(plan: Plan, name: str) -> Mapping[str, SampleTimes]:
+    """Sensor → when it samples, of one agent."""
+    return {} if plan.world is None else plan.world.sensors(name)
 
 
 def _width(plan: Plan, name: str, sensor: str) -> int | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import BadInput
 from ..randomness import stream
 from ..transport.faults import Fault, SensorFault
-from ..units import first_period, period_ns
+from ..units import first_sample, sample_ns
 from .plan import Plan
 
 _STRIDE_OF_ROWS = 2**16
@@ -33,11 +33,14 @@ def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index
         BadInput: a fault's size has another number of components than the sensor.
     """
     assert plan.world is not None
-    rate = plan.world.sensors(agent)[sensor]
+    times = plan.world.sensors(agent)[sensor]
+    taken_ns = sample_ns(times, index)
+    if taken_ns is None:
+        return None
     ours = [
         fault for fault in faults if isinstance(fault, SensorFault) and (fault.agent, fault.sensor) == (agent, sensor)
     ]
-    mine = [fault for fault in ours if fault.in_force(period_ns(rate, index))]
+    mine = [fault for fault in ours if fault.in_force(taken_ns)]
     mine.sort(key=lambda fault: (fault.at_ns, fault.id))
     if any(fault.trouble == "failed" for fault in mine):
         return None
@@ -45,7 +48,7 @@ def measured(plan: Plan, faults: Iterable[Fault], agent: str, sensor: str, index
     if stuck is None:
         value = plan.world.measure(agent, sensor, index)
     else:
-        last = first_period(rate, mine[stuck].at_ns) - 1
+        last = first_sample(times, mine[stuck].at_ns) - 1
         value = measured(plan, ours, agent, sensor, last) if last >= 0 else None
         mine = mine[stuck + 1 :]
     if value is not None:

@@ -109,6 +109,10 @@ def compare(record: Record, replayed: Mapping[Life, Batch], tolerance: float) ->
         for key, recorded, expected in _unequal(_estimates(mine), _estimates(twin), tolerance, broken_off=broken_off):
             what = f"{_estimate_text(key, recorded)} recorded, {_estimate_text(key, expected)} in the twin"
             yield Departure(_first_ns(recorded, expected), f"agent {life[0]}: {what}", life[0], None)
+        for key, recorded, expected in _unequal(_measured(mine), _measured(twin), tolerance, broken_off=broken_off):
+            both = f"{_value_text(recorded)} recorded, {_value_text(expected)} in the twin"
+            what = f"agent {life[0]} measured from frame {key[3]} from {key[0]}: {both}"
+            yield Departure(_first_ns(recorded, expected), what, life[0], key)
         for did, to_or_from, entries in (("heard", "from", _heard), ("sent", "to", _sent)):
             for key, recorded, expected in _unequal(entries(mine), entries(twin), 0.0, broken_off=broken_off):
                 peer = key[0] if did == "heard" else key[1]
@@ -141,6 +145,13 @@ def _estimates(batch: Batch) -> _Entries:
     return found
 
 
+def _measured(batch: Batch) -> _Entries:
+    return {
+        (one.source, batch.agent, one.incarnation, one.sequence, one.copy): (one.time_ns, one.value)
+        for one in batch.measured
+    }
+
+
 def _heard(batch: Batch) -> _Entries:
     return {
         (heard.source, batch.agent, heard.incarnation, heard.sequence, heard.copy): (heard.due_ns, heard.fate)
@@ -159,7 +170,7 @@ def _sent(batch: Batch) -> _Entries:
 
 def _same(recorded: tuple[int, Any] | None, expected: tuple[int, Any] | None, tolerance: float) -> bool:
     """Bit for bit, or within a tolerance; a NaN equals itself, and −0 is not 0."""
-    if recorded is None or expected is None or not isinstance(recorded[1], list):
+    if recorded is None or expected is None or not (isinstance(recorded[1], list) and isinstance(expected[1], list)):
         return recorded == expected
     (time_ns, value), (expected_ns, expected_value) = recorded, expected
     if time_ns != expected_ns or len(value) != len(expected_value):
@@ -173,8 +184,11 @@ def _same(recorded: tuple[int, Any] | None, expected: tuple[int, Any] | None, to
 def _estimate_text(key: tuple[Any, ...], entry: tuple[int, Any] | None) -> str:
     if entry is None:
         return "nothing"
-    numbers = ", ".join(repr(number) for number in entry[1])
-    return f"{key[0]} of sample {key[1]} at {entry[0] / 1e9:.6f} s = [{numbers}]"
+    return f"{key[0]} of sample {key[1]} at {entry[0] / 1e9:.6f} s = {_value_text(entry)}"
+
+
+def _value_text(entry: tuple[int, Any] | None) -> str:
+    return "nothing" if entry is None or entry[1] is None else f"[{', '.join(map(repr, entry[1]))}]"
 
 
 def _fate_text(entry: tuple[int, Any] | None) -> str:

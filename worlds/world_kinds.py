@@ -9,6 +9,7 @@ from ..errors import BadInput
 from ..kinds import Kinds
 from ..names import did_you_mean
 from ..topologies import Position
+from .world import World
 
 
 class WorldSettings(Protocol):
@@ -41,6 +42,9 @@ WORLDS = Kinds(
         "target": "volery.worlds.target.target_settings:TargetSettings",
     },
     tag="kind",
+    entry_points="volery.worlds",
+    base=World,
+    own="volery.worlds.own_world:OwnWorldSettings",
 )
 AnyWorld = Annotated[WorldSettings, WORLDS]
 """A scenario's `world:`."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from ...errors import BadInput
 from ...estimators.formation.assignment import check_observable
 from ...estimators.frames.so3_consensus import check_step
+from ...units import SampleTimes
 from ..plan import Plan
 from .mav_samples import CAMERA, IMU
 from .mav_settings import MavParameters
@@ -28,9 +29,10 @@ def problems(plan: Plan) -> Sequence[str]:
     return [*(text for found in checks for text in found), *_refusals(parameters, names)]
 
 
-def _rates(parameters: MavParameters, camera_rate: float) -> Iterator[str]:
-    if parameters.rate != camera_rate:
-        yield f"rate is {parameters.rate:g} Hz and the camera has {camera_rate:g} Hz: make them the same"
+def _rates(parameters: MavParameters, camera: SampleTimes) -> Iterator[str]:
+    if parameters.rate != camera:
+        has = f"{camera:g} Hz" if isinstance(camera, float) else "instants of its own"
+        yield f"rate is {parameters.rate:g} Hz and the camera has {has}: make them the same"
 
 
 def _delays(plan: Plan, parameters: MavParameters) -> Iterator[str]:

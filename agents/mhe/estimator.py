@@ -163,15 +163,16 @@ def _misfits(plan: Plan, hub: str) -> Iterator[str]:
             near = ", ".join(plan.agent(hub).neighbours)
             yield f"sensors of {hub} name {node}, which is no neighbour of it; its neighbours are {near}"
             continue
-        rates, sent = {} if plan.world is None else plan.world.sensors(node), _sent(plan, node)
+        times, sent = {} if plan.world is None else plan.world.sensors(node), _sent(plan, node)
         if tuple(listed) != sent:
             yield (
                 f"sensors of {hub} say that {node} has [{', '.join(listed)}], but it sends [{', '.join(sent)}]: "
                 "write the same in the same order"
             )
-        for sensor, rate in rates.items():
-            if sensor in listed and not (parameters.rate / rate).is_integer():
+        for sensor, rate in times.items():
+            if sensor in listed and not (isinstance(rate, float) and (parameters.rate / rate).is_integer()):
+                has = f"{rate:g} samples a second" if isinstance(rate, float) else "samples at instants"
                 yield (
-                    f"{node}.{sensor} has {rate:g} samples a second, which do not fall on the {parameters.rate:g} "
+                    f"{node}.{sensor} has {has}, which do not fall on the {parameters.rate:g} "
                     f"points a second of {hub}: choose a rate that divides it"
                 )

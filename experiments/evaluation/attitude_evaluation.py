@@ -16,7 +16,7 @@ from ...estimators.error_measures import attitude_difference, integrated_square_
 from ...quantities import Component, Floats, Quantity
 from ...rotations import euler_to_quaternion, rotate, same_sign
 from ...units import period_ns
-from ...worlds.rigid_body.measurement_units import DIRECTIONS
+from ...worlds.rigid_body.measurement_units import DIRECTIONS, RigidBodyWorld
 from .evaluation import Evaluation, Finding, RunData, Series
 
 QUATERNION = tuple(Component(f"$q_{number}$") for number in range(4))
@@ -55,7 +55,7 @@ class AttitudeEvaluation(Evaluation):
         return None if quantity == MESSAGES else self._attitude(time_ns)
 
     def _attitude(self, time_ns: int) -> Floats:
-        assert self.plan.world is not None
+        assert isinstance(self.plan.world, RigidBodyWorld)
         return self.plan.world.truth(time_ns)[:4]
 
     def sampled(self, agent: str, sample: Sample) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from ...agents.agent import Sample
 from ...agents.dfa.dfa_settings import DfaParameters
@@ -14,7 +14,7 @@ from ...estimators.flying_array.least_squares import centralised_estimate, nonco
 from ...estimators.flying_array.plane import exact_state
 from ...quantities import Component, Floats, Quantity
 from ...units import period_ns
-from ...worlds.plane.plane_world import SENSOR
+from ...worlds.plane.plane_world import SENSOR, PlaneWorld
 from .evaluation import Evaluation, Series
 
 _DEGREE = 180 / math.pi
@@ -72,7 +72,7 @@ class DfaEvaluation(Evaluation):
         state = centralised_estimate(positions, [value for _, value in seen])
         return exact_state(state) if self._parameters.model == "exact" else state
 
-    def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> Floats | None:
+    def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> ArrayLike | None:
         """Altitude, roll and pitch when the sample was taken."""
-        assert self.plan.world is not None
-        return np.asarray(self.plan.world.truth(time_ns))
+        world = self.plan.world
+        return world.truth(time_ns) if isinstance(world, PlaneWorld) else super().truth(agent, quantity, index, time_ns)

@@ -22,6 +22,7 @@ from ...estimators.error_measures import disagreement
 from ...names import imported_class
 from ...quantities import Floats, Quantity, declared
 from ...transport.faults import Fault
+from ...worlds.own_world import OwnWorld
 
 
 class Series(NamedTuple):
@@ -141,10 +142,15 @@ class Evaluation:
     def truth(self, agent: str, quantity: str, index: int, time_ns: int) -> ArrayLike | None:
         """The true value of what an agent reports, at the instant that the report is about; None if it is not known.
 
-        By default what a coupled world wrote down under this index, as `QUANTITY@AGENT` or `QUANTITY`.
+        By default what a coupled world wrote down under this index, as `QUANTITY@AGENT` or `QUANTITY`, or what a
+        user's world says.
         """
-        found = self._world_row(agent, quantity, index)
-        return None if found is None else found[0].value[found[1]]
+        if (found := self._world_row(agent, quantity, index)) is not None:
+            series, row = found
+            written: Floats = series.value[row]
+            return written
+        world = self.plan.world
+        return world.truth(agent, quantity, time_ns) if isinstance(world, OwnWorld) else None
 
     def _world_row(self, agent: str, quantity: str, index: int) -> tuple[Series, int] | None:
         for name in (f"{quantity}@{agent}", quantity):

@@ -55,7 +55,9 @@ class MheEvaluation(Evaluation):
         """Write it down at its point."""
         assert self.plan.world is not None
         if sample.value is not None and sample.sensor in self._parameters.sensors.get(agent, ()):
-            each = round(self._parameters.rate / self.plan.world.sensors(agent)[sample.sensor])
+            rate = self.plan.world.sensors(agent)[sample.sensor]
+            assert isinstance(rate, float)
+            each = round(self._parameters.rate / rate)
             for track in self._tracks.values():
                 track.put(sample.sensor, sample.index * each, sample.value)
 

@@ -98,7 +98,9 @@ def _facts(record: Record, judges: tuple[Evaluation, ...]) -> Iterator[_Step]:
             tell = methodcaller("commanded", source, command, np.array(value, dtype=np.float64), time_ns)
             yield _Step(time_ns, (_COMMAND, number, 0), judges, tell)
         for number, (time_ns, source, content) in enumerate(batch.payloads):
-            tell = methodcaller("received", agent, Received(source, bytes.fromhex(content), time_ns))
+            measured = batch.measured[number].value if batch.measured else None
+            seen = None if measured is None else np.array(measured, dtype=np.float64)
+            tell = methodcaller("received", agent, Received(source, bytes.fromhex(content), time_ns, seen))
             yield _Step(time_ns, (_PAYLOAD, order[agent], number), judges, tell)
         sensors = list(world.sensors(agent)) if world is not None and batch.samples else []
         for sensor, index, time_ns, shape, flat in batch.samples:

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
 
 from ... import topologies
 from ...agents.coupled_world import couple
@@ -18,7 +20,9 @@ from ...topologies.over_time import GRAPHS, Proximity
 from ...topologies.presence import Places as GraphPlaces
 from ...transport.faults import Fault, LinkName
 from ...transport.links import LinkSettings
+from ...worlds.moving.motions import MovingWorld
 from ...worlds.moving.moving_settings import MovingSettings
+from ...worlds.own_world import OwnWorld, OwnWorldSettings
 from ..evaluation.evaluation import evaluation_class
 from .consistency import inconsistencies
 from .edge_settings import IN_FILE, IN_PYTHON, edge_settings
@@ -100,14 +104,20 @@ def _surroundings(scenario: Scenario, problems: list[Problem]) -> tuple[TimedGra
         _Refused: no graph, or no world from which it could follow.
     """
     seed, of_world = scenario.seed, scenario.world
-    if isinstance(scenario.topology, Proximity) and isinstance(of_world, MovingSettings):
+    if isinstance(scenario.topology, Proximity) and isinstance(of_world, MovingSettings | OwnWorldSettings):
         try:
-            moving_world = of_world.build({}, seed, ())
+            world = of_world.build({}, seed, ())
         except BadInput as error:
             raise _Refused(error, "world") from error
-        return _graph(scenario, moving_world.positions), moving_world
+        if isinstance(world, MovingWorld | OwnWorld) and world.moves:
+            everywhere = world
+            return _graph(scenario, lambda time_ns: _places(everywhere, time_ns)), world
     timed = _graph(scenario)
     return timed, _world(scenario, timed.union, problems)
+
+
+def _places(world: MovingWorld | OwnWorld, time_ns: int) -> dict[str, NDArray[np.float64]]:
+    return {agent: world.position(agent, time_ns) for agent in world.agents}
 
 
 def _graph(scenario: Scenario, places: GraphPlaces | None = None) -> TimedGraph:
@@ -196,13 +206,12 @@ def _world(scenario: Scenario, graph: nx.Graph, problems: list[Problem]) -> Worl
     if scenario.world is None:
         return None
     positions = topologies.positions(graph)
-    places = {name: (x, y) for name, (x, y, *_) in positions.items()}
     try:
         if not positions and scenario.world.needs_places:
             kind = GRAPHS.name_of(type(scenario.topology))
             text = f"agents of topology {kind} have no positions, and this world needs them"
             raise BadInput(f"{text}: take an array, or drop the world")
-        world: World | Coupled = scenario.world.build(places, scenario.seed, topologies.agents(graph))
+        world: World | Coupled = scenario.world.build(positions, scenario.seed, topologies.agents(graph))
     except BadInput as error:
         problems.append(Problem(("world", *error.place), str(error)))
         return None

@@ -13,6 +13,7 @@ from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ...transport.links import LinkSettings
 from ...transport.loss_settings import Distance
 from ...transport.media_settings import ACCESSES, EDGE_SLOTS, HalfDuplex, SlottedAloha, Tdma, on_air
+from ...worlds.own_world import OwnWorld
 from .expansion import entry_index
 from .yaml_document import Loc, Problem
 
@@ -25,6 +26,9 @@ def inconsistencies(plan: Plan) -> Iterator[Problem]:
     for kind in sorted({agent.kind for agent in plan.agents}):
         for text in registry.find(kind).problems(plan):
             yield Problem(("agents",), text)
+    if isinstance(plan.world, OwnWorld):
+        for text in plan.world.impurities():
+            yield Problem(("world",), text)
     for fault in plan.faults:
         if (forgetting := forgets(plan, fault)) is not None:
             yield Problem(("faults", entry_index(fault), "keep_state"), forgetting)

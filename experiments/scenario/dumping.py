@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from typing_extensions import is_protocol
 
-from ...kinds import Kinds
+from ...kinds import Kinds, OwnKind
 from ...units import OWNERS, Unit, quantity
 from ...worlds.signals import Steps
 from .annotations import is_union, mark, owned, written_name
@@ -58,6 +58,8 @@ def settings(value: Any, owner: Unit | None = None) -> dict[str, Any]:
 
 
 def _of_kind(value: Any, kinds: Kinds, owner: Unit | None) -> Any:
+    if isinstance(value, OwnKind):
+        return {"kind": value.kind, **settings(value.parameters, owner)}
     name = kinds.name_of(type(value))
     body = settings(value, owner)
     if kinds.tag == "kind" or ":" in name:

@@ -404,8 +404,8 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
 
 def _by_kind(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     name, body = tagged(kinds, value)
-    cls = kinds.find(name)
-    return cls(**given(read_model(model_of(cls, unit, tag=name), {TAG: name, **body})))
+    cls = kinds.settings(name)
+    return kinds.made(name, cls(**given(read_model(model_of(cls, unit, tag=name), {TAG: name, **body}))))
 
 
 def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
@@ -427,9 +427,9 @@ def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:
 
 def _tags(kinds: Kinds, unit: Unit | None) -> Any:
     """Source of `kind` kinds: a mapping with a field `kind`, or the name of a kind that needs no other field."""
-    shapes: list[Any] = [model_of(kinds.find(name), unit, tag=name) for name in kinds.names()]
+    shapes: list[Any] = [model_of(kinds.settings(name), unit, tag=name) for name in kinds.names()]
     alone = [name for name, shape in zip(kinds.names(), shapes, strict=True) if len(shape.model_fields) == 1]
-    return any_of([*shapes, *([Literal[tuple(alone)]] if alone else [])])
+    return any_of([*shapes, *([Literal[tuple(alone)]] if alone else []), *([own_kind()] if kinds.entry_points else [])])
 
 
 def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:

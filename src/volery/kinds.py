@@ -12,6 +12,19 @@ from .errors import BadInput
 from .names import did_you_mean, imported, subclass
 
 
+@dataclass(frozen=True)
+class NoParameters:
+    """Parameters of a class that has none."""
+
+
+@dataclass(frozen=True)
+class OwnKind:
+    """What a scenario says of a kind of a user's: its name, and the parameters that its class takes."""
+
+    kind: str
+    parameters: Any
+
+
 @dataclass(frozen=True, eq=False)
 class Kinds:
     """The kinds of one category, and how a scenario chooses one; `Annotated[Base, kinds]` marks such a field.
@@ -22,8 +35,10 @@ class Kinds:
         `kind`: {kind: name, fields}; `beside`: as `key`, but other fields may be given beside the name.
     scalar: the kind that a bare quantity stands for, as the value of its first field.
     entry_points: group of entry points that add names; if given, `package.module:Name` is also allowed.
-    base: base class of all kinds.
+    base: base class of all kinds from there.
     of_function: makes a class of a function that stands in the place of one.
+    own: import string of the subclass of `OwnKind` that holds what a scenario says of such a kind, where the built-in
+        classes hold that themselves; the fields are then those of the class's `Parameters`.
     """
 
     what: str
@@ -33,6 +48,7 @@ class Kinds:
     entry_points: str = ""
     base: type[Any] = object
     of_function: Callable[[Any], type[Any]] | None = None
+    own: str = ""
 
     def names(self) -> list[str]:
         """Names of all kinds."""
@@ -44,19 +60,34 @@ class Kinds:
         Raises:
             BadInput: no such name, module or class, or not a subclass of the base.
         """
-        target = self.built_in.get(name)
-        if isinstance(target, type):
-            return target
-        if target is None and self.entry_points:
+        what, target = f"{self.what} {name!r}", self.built_in.get(name)
+        if target is not None:
+            return target if isinstance(target, type) else imported(target, what)
+        if self.entry_points:
             target = name if ":" in name else _added(self.entry_points).get(name)
         if target is None:
             own = ", or write package.module:Class" if self.entry_points else ""
-            raise BadInput(f"unknown {self.what} {name!r}{did_you_mean(name, self.names())}{own}")
-        what = f"{self.what} {name!r}"
+            raise BadInput(f"unknown {what}{did_you_mean(name, self.names())}{own}")
         found = imported(target, what)
         if self.of_function is not None and callable(found) and not isinstance(found, type):
             return self.of_function(found)
         return subclass(found, self.base, what)
+
+    def is_own(self, name: str) -> bool:
+        """Whether a kind is a user's, and `own` holds what a scenario says of it."""
+        return bool(self.own) and name not in self.built_in
+
+    def settings(self, name: str) -> Any:
+        """The dataclass whose fields a scenario may give to a kind.
+
+        Raises:
+            BadInput: as `find`.
+        """
+        return self.find(name).Parameters if self.is_own(name) else self.find(name)
+
+    def made(self, name: str, settings: Any) -> Any:
+        """What a scenario says of a kind, from an object of its `settings`."""
+        return imported(self.own, self.what)(name, settings) if self.is_own(name) else settings
 
     def classes(self) -> list[Any]:
         """The built-in classes."""

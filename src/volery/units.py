@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from bisect import bisect_left
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, get_args, get_type_hints
@@ -222,6 +223,22 @@ def period_ns(rate_hz: float, index: int) -> int:
     """Nominal start of the index-th period of a rate: floor(index·10⁹ / rate), exactly."""
     numerator, denominator = rate_hz.as_integer_ratio()
     return index * 1_000_000_000 * denominator // numerator
+
+
+SampleTimes = float | tuple[int, ...]
+"""When a sensor samples: at a rate [Hz] from 0 on, or at instants [ns] in ascending order."""
+
+
+def sample_ns(times: SampleTimes, index: int) -> int | None:
+    """Instant of the index-th sample; None where there are not so many."""
+    if isinstance(times, tuple):
+        return times[index] if index < len(times) else None
+    return period_ns(times, index)
+
+
+def first_sample(times: SampleTimes, from_ns: int) -> int:
+    """Index of the first sample at `from_ns` or later."""
+    return bisect_left(times, from_ns) if isinstance(times, tuple) else first_period(times, from_ns)
 
 
 def first_period(rate_hz: float, from_ns: int) -> int:

@@ -12,7 +12,6 @@ from volery.agents.agent import (
     Agent,
     BrokenPromise,
     FrameTooLarge,
-    NoParameters,
     NotANeighbour,
     Received,
     Sample,
@@ -22,6 +21,7 @@ from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
 from volery.agents.node import Node
 from volery.agents.plan import AgentPlan, Plan
 from volery.errors import BadInput
+from volery.kinds import NoParameters
 from volery.transport import fabric
 from volery.transport.events import Event
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause

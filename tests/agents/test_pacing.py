@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import pytest
 
-from volery.agents.agent import NoParameters
 from volery.agents.journal import Arrived, Heard
 from volery.agents.node import Node
 from volery.agents.pacing import Realtime
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.run_start import RunStart
+from volery.kinds import NoParameters
 from volery.transport.faults import LinkFault
 from volery.transport.frames import Frame
 from volery.transport.links import LinkSettings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ PLACES = {"1": (0.0, 0.0), "2": (3.0, 4.0), "3": None}
 class Drifting:
     """Agent n moves along the x axis at n metres per second."""
 
+    moves: ClassVar[bool] = True
+
     def sensors(self, agent: str) -> Mapping[str, float]:
         """None."""
         return {}
@@ -26,10 +29,6 @@ class Drifting:
     def measure(self, agent: str, sensor: str, index: int) -> NDArray[np.float64] | None:
         """Nothing."""
         return None
-
-    def truth(self, time_ns: int) -> NDArray[np.float64]:
-        """Nothing."""
-        return np.zeros(0)
 
     def position(self, agent: str, time_ns: int) -> NDArray[np.float64]:
         """Where it is."""

@@ -28,10 +28,6 @@ class Counter:
         """The index."""
         return np.array([float(index)])
 
-    def truth(self, time_ns: int) -> NDArray[np.float64]:
-        """Nothing true here."""
-        return np.zeros(1)
-
 
 def said(*faults: Fault) -> list[float | None]:
     """The first six samples, taken every 10 ms from 0 on."""

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.agents import measurements, payloads
-from volery.agents.agent import Agent, NoParameters, Received
+from volery.agents.agent import Agent, Received
 from volery.agents.measurements import Measurement
 from volery.agents.payloads import DamagedPayload, Precision
 from volery.agents.plan import AgentPlan, Plan
@@ -21,6 +21,7 @@ from volery.experiments.record.record import Record
 from volery.experiments.scenario.consistency import inconsistencies
 from volery.experiments.scenario.validate import validate_plan
 from volery.experiments.twin import recorded
+from volery.kinds import NoParameters
 from volery.transport.faults import ClockFault, Fault, SensorFault
 from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from volery.agents.agent import NoParameters
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.errors import BadInput, RunFailed
@@ -21,6 +20,7 @@ from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector, Record
 from volery.experiments.swarm.live_faults import Injector
 from volery.experiments.swarm.supervisor import Swarm
+from volery.kinds import NoParameters
 from volery.transport import zenoh_session as zs
 from volery.transport.faults import Hog
 from volery.transport.frames import encode, promise

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,6 +190,8 @@ class MovingWorld:
     Raises:
         BadInput: a rate that is not above 0, or noise below 0.
     """
+
+    moves: ClassVar[bool] = True
 
     motion: Motion
     seed: int

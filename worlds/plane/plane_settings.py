@@ -85,4 +85,5 @@ class PlaneSettings:
         gaussian = GaussianDistance(0.005 if self.distance_noise is None else self.distance_noise)
         sensor = gaussian if self.sensor is None else self.sensor.sensor()
         gyroscope = None if self.gyroscope is None else self.gyroscope.noise
-        return PlaneWorld(self.altitude, self.roll, self.pitch, dict(positions), sensor, seed, self.rate, gyroscope)
+        places = {agent: (x, y) for agent, (x, y, *_) in positions.items()}
+        return PlaneWorld(self.altitude, self.roll, self.pitch, places, sensor, seed, self.rate, gyroscope)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from volery.agents import payloads
-from volery.agents.agent import Agent, NoParameters
+from volery.agents.agent import Agent
 from volery.agents.altitude.altitude_ekf import AltitudeEkf
 from volery.agents.altitude.altitude_ekf_settings import AltitudeEkfParameters
 from volery.agents.plan import AgentPlan, Plan
@@ -22,6 +22,7 @@ from volery.estimators.altitude.modular_filter import GroundJumps, Variant
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import Samples, samples
 from volery.experiments.twin import recorded
+from volery.kinds import NoParameters
 from volery.transport.faults import ClockFault, Fault, Kill
 from volery.transport.latency_settings import Constant, Uniform
 from volery.transport.links import LinkSettings
