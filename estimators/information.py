@@ -66,6 +66,23 @@ def unpack_symmetric(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return matrix
 
 
+def unpack_covariance(numbers: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:
+    """The matrix (n, n) of all its numbers by rows, or of those of its upper triangle.
+
+    Raises:
+        BadInput: another length.
+    """
+    whole, triangle = dimension * dimension, dimension * (dimension + 1) // 2
+    if len(numbers) == triangle:
+        return unpack_symmetric(numbers)
+    if len(numbers) != whole:
+        raise BadInput(
+            f"a covariance has {len(numbers)} numbers: for {dimension} components give all {whole}, "
+            f"or the {triangle} of the upper triangle"
+        )
+    return numbers.reshape(dimension, dimension)
+
+
 def mirrored(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The symmetric matrix (n, n) with the upper triangle of this one."""
     whole: NDArray[np.float64] = matrix.take(_places(len(matrix))[2])

@@ -33,6 +33,7 @@ from ..whole_files import write_whole
 from .accounting import LinkAccount, account, airtime_utilisation
 from .ages import AgeMetrics, age_courses, age_metrics
 from .fidelity import Fidelity, judge
+from .filter_consistency import Consistency, consistency
 
 FILE_NAME = "metrics.json"
 STEADY_FRACTION = 0.25
@@ -43,6 +44,8 @@ RECOVERED_FACTOR = 3.0
 """An error has recovered where it stays within this many times its median of the second before the fault."""
 ROUNDS = "/round"
 """Quantities whose name ends so hold the state after each round of one consensus: their contraction is measured."""
+_OF_RECOVERY = ("error to oracle", "disagreement", "error to truth")
+"""The first of these that is known is the one that has to recover."""
 _ROUNDING = 1e-9
 Floats = NDArray[np.float64]
 
@@ -143,6 +146,7 @@ class Metrics:
     recovered: bool
     not_evaluated: str
     quantities: Mapping[str, QuantityMetrics]
+    consistency: Mapping[str, Consistency]
     links: Mapping[str, LinkMetrics]
     airtime: Mapping[str, float]
     processes: Mapping[str, ProcessMetrics]
@@ -179,6 +183,7 @@ def compute_metrics(record: Record, threshold: float | None = None) -> Metrics:
         recovered=record.recovered,
         not_evaluated=record.not_evaluated,
         quantities={quantity: _quantity(record, quantity, threshold) for quantity in of.compared()},
+        consistency=consistency(record) if record.evaluation else {},
         links=links,
         airtime=airtime_utilisation(record),
         processes=_processes(record),
@@ -260,7 +265,8 @@ def _components(seen: Samples, steady: NDArray[np.bool_]) -> tuple[ComponentMetr
 
 
 def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Recovery, ...]:
-    of = "disagreement" if np.isnan(all_courses["error to oracle"].rms).all() else "error to oracle"
+    known = (name for name in _OF_RECOVERY if not np.isnan(all_courses[name].rms).all())
+    of = next(known, "disagreement")
     course = all_courses[of]
     found = []
     starts = [fault.at_ns for fault in record.faults_in_effect]

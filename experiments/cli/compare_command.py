@@ -12,11 +12,11 @@ from cyclopts import Parameter
 from ...errors import BadInput
 from ..analysis.statistics import CONFIDENCE
 from ..sweeps.significance import (
-    RATHER_LARGE,
     RUN,
     Entry,
     check_measure,
     contests,
+    cost_of,
     default_by,
     defined,
     entries,
@@ -59,7 +59,7 @@ def compare(
         measures, found, axes, said = _of_runs([finished_run(each, runs) for each in names], measure)
     else:
         raise BadInput("compare runs with runs or sweeps with sweeps: these are of both kinds")
-    held = {one: contests(found(one), by or axes, confidence, one in RATHER_LARGE) for one in measures}
+    held = {one: contests(found(one), by or axes, confidence, cost_of(one)) for one in measures}
     if json_:
         print_plain(json.dumps({one: to_plain(those) for one, those in held.items()}, indent=1, ensure_ascii=False))
         return

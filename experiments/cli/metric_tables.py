@@ -26,6 +26,8 @@ def metrics_tables(metrics: Metrics) -> list[Table]:
         tables += [_components(name, quantity), _errors(name, quantity)]
         if quantity.recoveries:
             tables.append(_recoveries(name, quantity))
+    if metrics.consistency:
+        tables.append(_consistency(metrics))
     if metrics.findings:
         rows = (
             (one.name, "" if math.isnan(one.value) else _number(one.value, one.unit), one.text)
@@ -93,6 +95,15 @@ def _recoveries(name: str, quantity: QuantityMetrics) -> Table:
     if more := len(quantity.recoveries) - len(rows):
         rows.append((f"… and {more} more", "", "", ""))
     return _table(f"{name}: recovery after faults", "fault", "of", "threshold", "recovered after", rows=rows)
+
+
+def _consistency(metrics: Metrics) -> Table:
+    rows = (
+        (name, one.test, f"{one.reports:,}", *map(_number, (one.mean, one.central, one.low, one.high)), one.verdict)
+        for name, one in metrics.consistency.items()
+    )
+    columns = "", "reports", "mean", "of oracle", "from", "to", "verdict"
+    return _table("Consistency: normalised squares over the dimension", "of", *columns, rows=rows)
 
 
 def _frames(metrics: Metrics) -> Table:

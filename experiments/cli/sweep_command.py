@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from ...errors import BadInput
 from ..analysis.statistics import CONFIDENCE
 from ..execution import Engine
-from ..sweeps.significance import RATHER_LARGE, contests, default_by, defined, entries, main_measure
+from ..sweeps.significance import contests, cost_of, default_by, defined, entries, main_measure
 from ..sweeps.sweep import SweepOptions
 from ..sweeps.sweep_plan import plan_sweep
 from ..sweeps.sweep_results import TABLE_FILE, Sweep, is_sweep, load_sweep
@@ -90,7 +90,7 @@ def sweep(
 
 def _print(sweep: Sweep) -> None:
     measure = main_measure(defined(sweep))
-    held = contests(entries([sweep], measure), default_by([sweep]), CONFIDENCE, measure in RATHER_LARGE)
+    held = contests(entries([sweep], measure), default_by([sweep]), CONFIDENCE, cost_of(measure))
     output().print(contest_table(measure, held, CONFIDENCE))
     for note in (*notes([sweep]), *too_few_seeds(held)):
         print_note(note)

@@ -19,6 +19,7 @@ from ...agents.plan import Plan
 from ...agents.registry import find
 from ...errors import BadInput
 from ...estimators.error_measures import disagreement
+from ...estimators.information import unpack_covariance
 from ...names import imported_class
 from ...quantities import Floats, Quantity, declared
 from ...transport.faults import Fault
@@ -89,6 +90,12 @@ class RunData(Protocol):
 
     def central(self, quantity: str) -> Mapping[str, Floats]:
         """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
+
+    def nees(self, quantity: str) -> Mapping[str, Floats]:
+        """Agent → NEES of each of its reports, or NIS of innovations, (n,), NaN where no covariance belongs to it."""
+
+    def central_nees(self, quantity: str) -> Mapping[str, Floats]:
+        """The same for what the central estimator said, with the covariance that it stated."""
 
 
 class Evaluation:
@@ -161,12 +168,21 @@ class Evaluation:
 
     # -- the run ----------------------------------------------------------------------------------------------------
 
-    def view(self, reports: Mapping[str, Floats]) -> View | None:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View | None:
         """Where an agent believes agents to be, or what they follow, by its latest reports; None if it does not say.
 
-        Given true values in the place of what was reported, it says where that is which they follow.
+        Given true values in the place of what was reported, it says where that is which they follow. By default
+        estimates that are places are drawn: one of its own is where the agent is, a shared one is called by its name.
         """
-        return None
+        places, covariances = {}, {}
+        for name, value in reports.items():
+            quantity = self.declared(name)
+            if quantity.role == "estimate" and quantity.is_place:
+                whose = name if quantity.is_shared else agent
+                places[whose] = value[:2]
+                if (flat := reports.get(quantity.covariance_quantity)) is not None:
+                    covariances[whose] = unpack_covariance(flat, len(value))[:2, :2]
+        return View(places, covariances) if places else None
 
     def findings(self, run: RunData) -> Sequence[Finding]:
         """What there is to say of a run beyond the errors of each quantity."""

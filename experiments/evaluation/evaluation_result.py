@@ -32,12 +32,14 @@ class EvaluatedQuantity:
     agent → (T,), −1 where it has none. For each report of an agent: `truth`, `central` (n, k), and the differences of
     the report to both, (n, m), of which there are none where values are subtracted; NaN where not known.
     `disagreement` (T,): root mean square distance of the agents to their mean, as seen from the first that has an
-    estimate.
+    estimate; NaN where each has its own. Where covariances were reported, else without agents: `deviation` (n, m), the
+    standard deviations that they state, `nees` (n,) of the reports, or NIS of innovations, and `central_nees` (n,).
     """
 
     components: tuple[Component, ...]
     difference_components: tuple[Component, ...]
     role: Role
+    is_shared: bool
     time_ns: Whole
     index: Whole
     rows: Mapping[str, Whole]
@@ -46,6 +48,9 @@ class EvaluatedQuantity:
     truth_difference: Mapping[str, Floats]
     central_difference: Mapping[str, Floats]
     disagreement: Floats
+    deviation: Mapping[str, Floats]
+    nees: Mapping[str, Floats]
+    central_nees: Mapping[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,10 @@ class EvaluationResult:
     def compared(self) -> tuple[str, ...]:
         """The quantities that are estimates."""
         return tuple(name for name, quantity in self.quantities.items() if quantity.role == "estimate")
+
+    def tested(self) -> tuple[str, ...]:
+        """The estimates and innovations of which covariances were reported."""
+        return tuple(name for name, quantity in self.quantities.items() if quantity.nees)
 
 
 def save_evaluation(result: EvaluationResult, path: Path) -> None:

@@ -13,7 +13,6 @@ from ...agents.fusion.fusion_agent import COVARIANCE, ESTIMATE, FusingAgent
 from ...agents.plan import Plan
 from ...agents.registry import find
 from ...estimators.distributed.gaussian import corrected, measured_information, predict
-from ...estimators.error_measures import nees
 from ...estimators.information import pack_symmetric, unpack_symmetric
 from ...quantities import Component, Floats, Quantity
 from ...units import period_ns
@@ -33,7 +32,7 @@ class FusionEvaluation(Evaluation):
     Kalman 1960, linearised where the problem is not linear.
     """
 
-    quantities: Sequence[Quantity] = (Quantity(COVARIANCE, role="diagnostic"),)
+    quantities: Sequence[Quantity] = (Quantity(ESTIMATE, covariance=COVARIANCE),)
 
     def __init__(self, plan: Plan, world_reports: Mapping[str, Series]) -> None:
         super().__init__(plan, world_reports)
@@ -83,17 +82,14 @@ class FusionEvaluation(Evaluation):
         return list(self._consistency(run)) if COVARIANCE in run.quantities() else []
 
     def _consistency(self, run: RunData) -> Iterator[Finding]:
-        covariances, centrals = run.estimates(COVARIANCE), run.central(COVARIANCE)
-        values, best = [], []
-        for agent, told in run.estimates(ESTIMATE).items():
-            rows = {sample: row for row, sample in enumerate(covariances[agent].sample.tolist())}
-            truth, central = run.truth(ESTIMATE)[agent], run.central(ESTIMATE)[agent]
-            for number, sample in enumerate(told.sample.tolist()):
-                if not self.has_settled(sample, run) or sample not in rows:
-                    continue
-                row = rows[sample]
-                values.append(_nees(told.value[number], covariances[agent].value[row], truth[number]))
-                best.append(_nees(central[number], centrals[agent][row], truth[number]))
+        values: list[float] = []
+        best: list[float] = []
+        for agent, reports in run.estimates(ESTIMATE).items():
+            settled = np.array([self.has_settled(sample, run) for sample in reports.sample.tolist()])
+            own, central = run.nees(ESTIMATE)[agent], run.central_nees(ESTIMATE)[agent]
+            known = settled & ~np.isnan(own)
+            values += (own[known] / reports.value.shape[1]).tolist()
+            best += (central[known] / reports.value.shape[1]).tolist()
         if values:
             text = (
                 "mean NEES over the dimension after a quarter of the run: 1 where the covariance is right, "
@@ -111,7 +107,6 @@ class TrackerEvaluation(FusionEvaluation):
     """Trackers of a target."""
 
     quantities = (
-        *FusionEvaluation.quantities,
         Quantity(
             ESTIMATE,
             (
@@ -120,6 +115,7 @@ class TrackerEvaluation(FusionEvaluation):
                 Component("velocity x", "m/s"),
                 Component("velocity y", "m/s"),
             ),
+            covariance=COVARIANCE,
         ),
     )
 
@@ -128,7 +124,7 @@ class TrackerEvaluation(FusionEvaluation):
         assert isinstance(self.plan.world, TargetWorld)
         return self.plan.world.state(sample)
 
-    def view(self, reports: Mapping[str, Floats]) -> View | None:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View | None:
         """Where the target is."""
         if ESTIMATE not in reports:
             return None
@@ -154,19 +150,12 @@ class TrackerEvaluation(FusionEvaluation):
 class DfaKalmanEvaluation(FusionEvaluation):
     """Flying-array modules with rate gyros."""
 
-    quantities = (*FusionEvaluation.quantities, Quantity(ESTIMATE, ATTITUDE))
+    quantities = (Quantity(ESTIMATE, ATTITUDE, covariance=COVARIANCE),)
 
     def state(self, sample: int) -> Floats:
         """Altitude, roll and pitch."""
         assert isinstance(self.plan.world, PlaneWorld)
         return self.plan.world.truth(period_ns(self.problem.rate, sample))
-
-
-def _nees(mean: Floats, covariance: Floats, truth: Floats) -> float:
-    """Over the dimension; the covariance packed."""
-    if not np.isfinite(mean).all():
-        return np.inf
-    return float(nees(mean - truth, unpack_symmetric(covariance))) / len(truth)
 
 
 def _rms(errors: list[Floats]) -> float:

@@ -31,10 +31,9 @@ class MavEvaluation(Evaluation):
         super().__init__(plan, world_reports)
         self._names = tuple(agent.name for agent in plan.agents)
         self.quantities = (
-            Quantity(FORMATION, tuple(_relative(self._names))),
+            Quantity(FORMATION, tuple(_relative(self._names)), covariance=COVARIANCE),
             Quantity(FORCE, tuple(Component(f"force {axis}", "N") for axis in "xyz"), "diagnostic", is_shared=False),
             Quantity(ATTITUDE, QUATERNION, role="diagnostic", is_shared=False),
-            Quantity(COVARIANCE, role="diagnostic"),
         )
         self._central = CentralisedFormation(plan)
 
@@ -50,7 +49,7 @@ class MavEvaluation(Evaluation):
         """The state of the formation."""
         return self._central.state(time_ns) if quantity == FORMATION else None
 
-    def view(self, reports: Mapping[str, Floats]) -> View | None:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View | None:
         """Where all are, about a centre that the estimate does not know."""
         if FORMATION not in reports:
             return None

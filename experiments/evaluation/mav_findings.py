@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...agents.mav.mav_settings import MavParameters
 from ...agents.plan import Plan
-from ...estimators.error_measures import chi_square_bounds, nees
+from ...estimators.error_measures import chi_square_bounds
 from ...estimators.formation.assignment import observability
 from ...quantities import Floats
 from ...rotations import angle_between, conjugate, mean_quaternion, quaternion_product
@@ -205,18 +205,16 @@ def mean_nees(run: RunData) -> tuple[float, float, float] | None:
     if not {"formation", "covariance"} <= set(run.quantities()):
         return None
     means: dict[int, list[float]] = {}
-    for name, spread in run.estimates("covariance").items():
-        mine = run.estimates("formation")[name]
-        errors = mine.value - run.truth("formation")[name]
-        size = errors.shape[1]
-        known = {
-            index: error for index, error in zip(mine.sample.tolist(), errors, strict=True) if np.isfinite(error).all()
-        }
+    for name, values in run.nees("formation").items():
+        reports = run.estimates("formation")[name]
+        size = reports.value.shape[1]
         last_ns = -INDEPENDENT_NS
-        for time_ns, index, flat in zip(spread.time_ns.tolist(), spread.sample.tolist(), spread.value, strict=True):
-            if time_ns - last_ns >= INDEPENDENT_NS and index in known:
+        for time_ns, index, value in zip(
+            reports.time_ns.tolist(), reports.sample.tolist(), values.tolist(), strict=True
+        ):
+            if time_ns - last_ns >= INDEPENDENT_NS and math.isfinite(value):
                 last_ns = time_ns
-                means.setdefault(index, []).append(float(nees(known[index], flat.reshape(size, size))) / size)
+                means.setdefault(index, []).append(value / size)
     if not means:
         return None
     low, high = chi_square_bounds(size, len(means))

@@ -34,6 +34,8 @@ _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
 _PANELS, _OVERVIEW_PANELS = 12, 6
+_COLUMNS, _OVERVIEW_COLUMNS = 6, 3
+"""Agents that have columns of their own, where each estimates something else."""
 SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
 GREY, DARK_GREY = "#D9D9D9", "#444444"
 STYLE: dict[str, Any] = {
@@ -125,7 +127,9 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         return
     seen = _seen(record, quantity)
     if name == "estimates":
-        figure.set_size_inches(COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2]))
+        figure.set_size_inches(
+            COLUMN_IN if seen.is_shared else PAGE_IN, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2])
+        )
         draw_estimates(record, seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
@@ -134,48 +138,91 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
         left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
         upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
-        draw_estimates(record, seen, left, _OVERVIEW_PANELS)
+        draw_estimates(record, seen, left, _OVERVIEW_PANELS, _OVERVIEW_COLUMNS)
         draw_disagreement(record, seen, upper)
         draw_links(record, lower)
 
 
-def draw_estimates(record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS) -> None:
-    """Every agent's estimate, the truth and the oracle over time, one panel for each of the first components."""
+def draw_estimates(
+    record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS, most_agents: int = _COLUMNS
+) -> None:
+    """Estimates, truth and oracle over time, one panel for each of the first components.
+
+    Agents that have their own have their own columns, with two standard deviations about what they believe.
+    """
     count = seen.estimate.shape[2]
     labels = seen.components[:most]
-    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
-    time_s = seen.time_ns / NANOSECONDS
-    truth, oracle = _any_agent(seen.truth), _any_agent(seen.oracle)
-    for number, ((name, unit, factor), axes) in enumerate(zip(labels, panels, strict=True)):
-        agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=SKY, alpha=0.5, linewidth=0.5)
-        lines = {f"agents ({len(seen.agents)})": agents[0]}
-        if not np.isnan(oracle[:, number]).all():
-            (lines["oracle"],) = axes.plot(time_s, factor * oracle[:, number], color=VERMILION)
-        if not np.isnan(truth[:, number]).all():
-            (lines["truth"],) = axes.plot(time_s, factor * truth[:, number], color=BLACK, linestyle="--")
-        axes.set_ylabel(f"{name} ({unit})" if unit else name)
-        _shade(record, axes, named=number == 0)
+    columns = [slice(None)] if seen.is_shared else [slice(one, one + 1) for one in range(len(seen.agents))]
+    columns = columns[:most_agents]
+    panels = figure.subplots(len(labels), len(columns), sharex=True, squeeze=False)
+    lines: dict[str, Artist] = {}
+    for column, agents in enumerate(columns):
+        for number, (name, unit, factor) in enumerate(labels):
+            axes = panels[number, column]
+            lines |= _draw_component(axes, seen, agents, number, factor)
+            if column == 0:
+                axes.set_ylabel(f"{name} ({unit})" if unit else name)
+            _shade(record, axes, named=number == 0 and seen.is_shared)
+        if not seen.is_shared:
+            panels[0, column].set_title(f"agent {seen.agents[column]}")
     _legend(figure, lines)
-    panels[-1].set_xlabel("time (s)" if count <= most else f"time (s); {most} of {count} components")
-    panels[-1].set_xlim(0, record.last_ns / NANOSECONDS)
+    parts = (
+        (most, count, "components"),
+        (len(columns), len(columns) if seen.is_shared else len(seen.agents), "agents"),
+    )
+    left_out = "".join(f"; {shown} of {there} {what}" for shown, there, what in parts if shown < there)
+    for axes in panels[-1]:
+        axes.set_xlabel("time (s)")
+    panels[-1, 0].set_xlabel(f"time (s){left_out}")
+    panels[-1, 0].set_xlim(0, record.last_ns / NANOSECONDS)
     figure.align_ylabels(panels)
 
 
+def _draw_component(axes: Axes, seen: Samples, agents: slice, number: int, factor: float) -> dict[str, Artist]:
+    """One component of some agents' estimates; what there is for a legend."""
+    time_s = seen.time_ns / NANOSECONDS
+    estimate = factor * seen.estimate[:, agents, number]
+    truth, oracle = (factor * _any_agent(of[:, agents])[:, number] for of in (seen.truth, seen.oracle))
+    lines: dict[str, Artist] = {}
+    if seen.is_shared:
+        lines[f"agents ({len(seen.agents)})"] = axes.plot(time_s, estimate, color=SKY, alpha=0.5, linewidth=0.5)[0]
+    else:
+        if seen.deviation.shape[2] == seen.estimate.shape[2]:
+            half = 2.0 * factor * seen.deviation[:, agents, number]
+            if not np.isnan(half).all():
+                low, high = ((estimate + sign * half)[:, 0] for sign in (-1.0, 1.0))
+                lines["± 2 σ"] = axes.fill_between(time_s, low, high, color=SKY, alpha=0.35, linewidth=0)
+        (lines["agent"],) = axes.plot(time_s, estimate, color=BLUE, linewidth=0.7)
+    if not np.isnan(oracle).all():
+        (lines["oracle"],) = axes.plot(time_s, oracle, color=VERMILION)
+    if not np.isnan(truth).all():
+        (lines["truth"],) = axes.plot(time_s, truth, color=BLACK, linestyle="--")
+    return lines
+
+
 def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure) -> None:
-    """Disagreement, error to oracle and error to truth over time, logarithmic, with the spans of the faults."""
+    """Disagreement, error to oracle and error to truth over time, logarithmic, with the spans of the faults.
+
+    Where agents have their own, the errors of most agents, from the 10 to the 90 % quantile, are a band.
+    """
     axes = figure.subplots()
     lines = {}
+    errors = {"error to oracle": seen.oracle_error, "error to truth": seen.truth_error}
     looks = ((BLUE, ":", 3), (VERMILION, "-", 2), (GREEN, "-", 1))
     for (name, course), (colour, dashes, order) in zip(courses(seen).items(), looks, strict=True):
         shown = np.where(course.rms > 0, course.rms, np.nan)
         if not np.isnan(shown).all():
             times = course.time_ns / NANOSECONDS
             (lines[name],) = axes.plot(times, shown, color=colour, linestyle=dashes, zorder=order)
+            if not seen.is_shared and len(seen.agents) > 1:
+                known = ~np.isnan(errors[name]).all(axis=1)
+                low, high = np.nanquantile(errors[name][known], (0.1, 0.9), axis=1)
+                axes.fill_between(times[known], low, high, color=colour, alpha=0.2, linewidth=0, zorder=0.5)
     if lines:
         axes.set_yscale("log")
     _shade(record, axes, named=True)
     _legend(figure, lines)
-    axes.set_xlabel("time (s)")
+    axes.set_xlabel("time (s)" if seen.is_shared else "time (s); bands: 10 to 90 % of agents")
     axes.set_ylabel("rms error (SI units)")
     axes.set_xlim(0, record.last_ns / NANOSECONDS)
 

@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike
 
 from ...agents.agent import Received, Sample
 from ...errors import BadInput
+from ...estimators.information import pack_symmetric
 from ...quantities import Component, Floats, Quantity, subtracted
-from ..evaluation.evaluation import Evaluation, Series, distance_to_mean, evaluations
+from ..evaluation.evaluation import Evaluation, distance_to_mean, evaluations
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
+from .normalised_errors import normalised_squares, standard_deviations
 from .places import Reports, followed_places, true_places, view_places
 from .record import Record
 from .run_files import EVALUATION_FILE
@@ -65,7 +67,7 @@ def evaluated(record: Record) -> Record:
         for judge in step.judges:
             step.act(judge)
     quantities = {
-        quantity: _judged(record, judges[next(iter(series))].declared(quantity), series, known[quantity])
+        quantity: _judged(record, judges[next(iter(series))].declared(quantity), reports, known)
         for quantity, series in reports.items()
     }
     compared = replace(record, evaluation=EvaluationResult(quantities))
@@ -131,7 +133,11 @@ def _ask(known: _References, row: int, report: tuple[str, str, int, int], judge:
 
 
 def _fitting(value: ArrayLike, width: int, what: str) -> Floats:
-    flat = np.asarray(value, dtype=np.float64).ravel()
+    """A value as agents report it: flat; of a covariance perhaps the upper triangle."""
+    array = np.asarray(value, dtype=np.float64)
+    flat = array.ravel()
+    if len(flat) != width and array.ndim == 2 and array.shape[0] == array.shape[1]:
+        flat = pack_symmetric(array)
     if len(flat) != width:
         raise BadInput(f"{what} has {len(flat)} components, the agents report {width}")
     return flat
@@ -140,35 +146,63 @@ def _fitting(value: ArrayLike, width: int, what: str) -> Floats:
 # -- what follows of each quantity ------------------------------------------------------------------------------------
 
 
-def _judged(
-    record: Record, quantity: Quantity, series: Mapping[str, Series], known: Mapping[str, _References]
-) -> EvaluatedQuantity:
+def _judged(record: Record, quantity: Quantity, reports: Reports, known: _Known) -> EvaluatedQuantity:
+    series = reports[quantity.name]
     time_ns, index, rows = side_by_side(series, record.faults)
     truth, central = (
-        {agent: getattr(one, reference) for agent, one in known.items()} for reference in _References._fields
+        {agent: getattr(one, reference) for agent, one in known[quantity.name].items()}
+        for reference in _References._fields
     )
     first, plain = next(iter(series)), quantity.difference is subtracted
 
     def differences(references: Mapping[str, Floats]) -> dict[str, Floats]:
         return {agent: quantity.difference(mine.value, references[agent]) for agent, mine in series.items()}
 
-    of_truth = {} if plain else differences(truth)
-    width = series[first].value.shape[1]
-    difference_width = width if plain else of_truth[first].shape[1]
+    of_truth = differences(truth)
+    width, difference_width = series[first].value.shape[1], of_truth[first].shape[1]
     own = quantity.difference_components
     return EvaluatedQuantity(
         _numbered(quantity.name, quantity.components, width),
         _numbered(quantity.name, quantity.components if own is None else own, difference_width),
         quantity.role,
+        quantity.is_shared,
         time_ns,
         index,
         rows,
         truth,
         central,
-        of_truth,
+        {} if plain else of_truth,
         {} if plain else differences(central),
         distance_to_mean(quantity, np.stack([take(series[agent].value, rows[agent]) for agent in series], axis=1)),
+        *_normalised(quantity, reports, known, of_truth),
     )
+
+
+_Rows = dict[str, Floats]
+
+
+def _normalised(
+    quantity: Quantity, reports: Reports, known: _Known, of_truth: Mapping[str, Floats]
+) -> tuple[_Rows, _Rows, _Rows]:
+    """Agent → standard deviations, NEES or NIS, and NEES of the central estimator, where covariances were reported."""
+    deviation: _Rows = {}
+    squares: _Rows = {}
+    central: _Rows = {}
+    if quantity.role == "diagnostic":
+        return deviation, squares, central
+    for agent, covariance in reports.get(quantity.covariance_quantity, {}).items():
+        if (mine := reports[quantity.name].get(agent)) is None:
+            continue
+        error = mine.value if quantity.role == "innovation" else of_truth[agent]
+        references = known[quantity.name][agent]
+        stated = covariance._replace(value=known[quantity.covariance_quantity][agent].central)
+        try:
+            deviation[agent] = standard_deviations(mine, covariance, error.shape[1])
+        except BadInput as wrong:
+            raise BadInput(f"{quantity.name!r} of agent {agent}: {wrong}") from wrong
+        squares[agent] = normalised_squares(mine, error, covariance)
+        central[agent] = normalised_squares(mine, quantity.difference(references.central, references.truth), stated)
+    return deviation, squares, central
 
 
 def _numbered(name: str, components: Sequence[Component], count: int) -> tuple[Component, ...]:

@@ -58,7 +58,7 @@ def _changes(times_ns: Whole) -> list[int]:
 
 def view_places(reports: Reports, judges: Mapping[str, Evaluation]) -> dict[str, Places]:
     """Agent → where it believes whom to be."""
-    found = {agent: list(_views(judge, _of_agent(reports, agent))) for agent, judge in judges.items()}
+    found = {agent: list(_views(judge, agent, _of_agent(reports, agent))) for agent, judge in judges.items()}
     return {agent: _packed(views) for agent, views in found.items() if views}
 
 
@@ -72,7 +72,7 @@ def followed_places(reports: Reports, truth: Truth, judges: Mapping[str, Evaluat
     }
     found = [
         (time_ns, View({name: place for name, place in view.places.items() if name not in judges}))
-        for time_ns, view in _views(judges[first], known)
+        for time_ns, view in _views(judges[first], first, known)
     ]
     return _packed(found) if any(view.places for _, view in found) else None
 
@@ -82,7 +82,7 @@ def _of_agent(reports: Reports, agent: str) -> dict[str, Series]:
     return {quantity: series[agent] for quantity, series in reports.items() if agent in series}
 
 
-def _views(judge: Evaluation, reports: Mapping[str, Series]) -> Iterator[_View]:
+def _views(judge: Evaluation, agent: str, reports: Mapping[str, Series]) -> Iterator[_View]:
     """What an agent's latest reports say, at the rate where any is new."""
     times = np.unique(np.concatenate([mine.time_ns for mine in reports.values()])) if reports else np.zeros(0, np.int64)
     for row in _changes(times):
@@ -92,7 +92,7 @@ def _views(judge: Evaluation, reports: Mapping[str, Series]) -> Iterator[_View]:
             last = int(np.searchsorted(mine.time_ns, time_ns, side="right")) - 1
             if last >= 0:
                 latest[quantity] = mine.value[last]
-        view = judge.view(latest)
+        view = judge.view(agent, latest)
         if view is not None:
             yield time_ns, view
 

@@ -169,6 +169,14 @@ class Record:
         """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
         return self.evaluated.quantity(quantity).central
 
+    def nees(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
+        """Agent → NEES of each of its reports, or NIS of innovations, (n,), NaN where no covariance belongs to it."""
+        return self.evaluated.quantity(quantity).nees
+
+    def central_nees(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
+        """The same for what the central estimator said, with the covariance that it stated."""
+        return self.evaluated.quantity(quantity).central_nees
+
     @cached_property
     def world_reports(self) -> dict[str, Series]:
         """What a coupled world wrote down: quantity → its true values."""

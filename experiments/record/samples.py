@@ -21,10 +21,12 @@ class Samples:
     time_ns (T,) int64; index (T,) int64; estimate, oracle, truth (T, N, k) in the agents' units, each entry of oracle
     and truth belonging to the report beside it; the oracle is the central estimate. `oracle_difference` and
     `truth_difference` (T, N, m): by how much estimates are off. `disagreement` (T,): root mean square distance of the
-    agents to their mean, as seen from the first that has an estimate.
+    agents to their mean, as seen from the first that has an estimate; NaN where each has its own and nothing
+    `is_shared`. `deviation` (T, N, m): standard deviations of the difference to the truth, as agents stated them.
     """
 
     quantity: str
+    is_shared: bool
     agents: tuple[str, ...]
     components: tuple[Component, ...]
     difference_components: tuple[Component, ...]
@@ -36,6 +38,7 @@ class Samples:
     oracle_difference: Floats
     truth_difference: Floats
     disagreement: Floats
+    deviation: Floats
 
     @cached_property
     def oracle_error(self) -> Floats:
@@ -64,9 +67,10 @@ def samples(record: Record, quantity: str) -> Samples:
 
     estimate = beside({agent: mine.value for agent, mine in record.estimates(quantity).items()})
     oracle, truth = beside(judged.central), beside(judged.truth)
-
+    unknown = np.full((max(map(len, judged.truth.values())), len(judged.difference_components)), np.nan)
     return Samples(
         quantity,
+        judged.is_shared,
         tuple(judged.rows),
         judged.components,
         judged.difference_components,
@@ -78,4 +82,5 @@ def samples(record: Record, quantity: str) -> Samples:
         apart(judged.central_difference, oracle),
         apart(judged.truth_difference, truth),
         judged.disagreement,
+        beside({agent: judged.deviation.get(agent, unknown) for agent in judged.rows}),
     )

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 from ...errors import BadInput
 from ...names import did_you_mean
+from ..analysis.filter_consistency import departure
 from ..analysis.statistics import CONFIDENCE, SIGNIFICANCE, Interval, holm, mean_interval, paired_test
 from ..record.record import load
 from ..record.run_files import SCENARIO_FILE
@@ -21,8 +23,8 @@ from .sweep_runs import Values, measure
 SWEEP, RUN = "sweep", "run"
 """The axis that several sweeps span together, or several runs."""
 _SEED = re.compile(r"^seed:.*\n", re.MULTILINE)
-RATHER_LARGE = ("links.delivered_fraction",)
-"""Measures of which more is better; of all others less."""
+Cost = Callable[[float], float]
+"""A value of a measure → what is to be small."""
 _ERRORS = ("oracle_error", "truth_error", "disagreement")
 _PER_ROUND = "/round"
 _LISTED = 12
@@ -75,6 +77,13 @@ def main_measure(measures: Iterable[str]) -> str:
             if name.endswith(f".{error}.steady_rms"):
                 return name
     raise BadInput("no agent reported an estimate: say what to compare by --measure")
+
+
+def cost_of(measure: str) -> Cost:
+    """What of a measure is to be small: fractions delivered are to be large, NEES and NIS near 1, all else small."""
+    if measure.endswith((".nees", ".nis")):
+        return departure
+    return operator.neg if measure == "links.delivered_fraction" else float
 
 
 def defined(sweep: Sweep) -> list[str]:
@@ -131,7 +140,7 @@ def entries_of_runs(found: Mapping[str, tuple[int, str, Values]], name: str) -> 
 
 
 def contests(
-    found: Sequence[Entry], by: Sequence[str] = (), confidence: float = CONFIDENCE, rather_large: bool = False
+    found: Sequence[Entry], by: Sequence[str] = (), confidence: float = CONFIDENCE, cost: Cost = float
 ) -> list[Contest]:
     """Let cells that differ on the axes `by` compete, wherever they agree on all others.
 
@@ -149,7 +158,7 @@ def contests(
         where = tuple((axis, value) for axis, value in entry.place.items() if axis not in by)
         label = ", ".join(entry.place[axis] for axis in by) or "all"
         settings.setdefault(where, {})[label] = entry
-    every = [_contest(dict(where), rivals, confidence, rather_large) for where, rivals in settings.items()]
+    every = [_contest(dict(where), rivals, confidence, cost) for where, rivals in settings.items()]
     if SWEEP not in by:
         return every
     shared = [contest for contest in every if len(contest.standings) > 1]
@@ -166,17 +175,18 @@ def default_by(sweeps: Sequence[Sweep]) -> tuple[str, ...]:
     return next(((axis.name,) for axis in axes if axis.numbers is None), tuple(axis.name for axis in axes[:1]))
 
 
-def _contest(where: Mapping[str, str], rivals: Mapping[str, Entry], confidence: float, rather_large: bool) -> Contest:
+def _contest(where: Mapping[str, str], rivals: Mapping[str, Entry], confidence: float, cost: Cost) -> Contest:
     intervals = {label: mean_interval(list(entry.values.values()), confidence) for label, entry in rivals.items()}
     seeds = sorted({seed for entry in rivals.values() for seed in entry.values})
-    ranked, *of_halves = (_ranked(rivals, some, rather_large) for some in (seeds, seeds[::2], seeds[1::2]))
+    costs = {label: {seed: cost(value) for seed, value in entry.values.items()} for label, entry in rivals.items()}
+    ranked, *of_halves = (_ranked(costs, some) for some in (seeds, seeds[::2], seeds[1::2]))
     pairs = list(combinations(range(len(ranked)), 2))
-    tests = [paired_test(rivals[ranked[i]].values, rivals[ranked[j]].values) for i, j in pairs]
+    tests = [paired_test(costs[ranked[i]], costs[ranked[j]]) for i, j in pairs]
     ps = dict(zip(pairs, holm([test.p for test in tests]), strict=True))
     beaten: dict[int, list[int]] = {place: [] for place in range(len(ranked))}
     for (one, other), test in zip(pairs, tests, strict=True):
         if ps[one, other] < SIGNIFICANCE:
-            winner, loser = (one, other) if test.first_smaller != rather_large else (other, one)
+            winner, loser = (one, other) if test.first_smaller else (other, one)
             beaten[winner].append(loser)
     standings = [
         Standing(
@@ -193,15 +203,15 @@ def _contest(where: Mapping[str, str], rivals: Mapping[str, Entry], confidence: 
     return Contest(where, tuple(standings))
 
 
-def _ranked(rivals: Mapping[str, Entry], seeds: Sequence[int], rather_large: bool) -> list[str]:
-    """The contestants by their mean over some seeds, the best first, those without a value last."""
+def _ranked(costs: Mapping[str, Mapping[int, float]], seeds: Sequence[int]) -> list[str]:
+    """The contestants by their mean cost over some seeds, the best first, those without a value last."""
 
     def order(label: str) -> tuple[bool, float]:
-        values = [rivals[label].values[seed] for seed in seeds if seed in rivals[label].values]
+        values = [costs[label][seed] for seed in seeds if seed in costs[label]]
         mean = math.fsum(values) / len(values) if values else math.nan
-        return math.isnan(mean), -mean if rather_large else mean
+        return math.isnan(mean), mean
 
-    return sorted(rivals, key=order)
+    return sorted(costs, key=order)
 
 
 def _behind(best: Mapping[int, float], other: Mapping[int, float]) -> float:

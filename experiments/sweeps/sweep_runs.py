@@ -6,6 +6,7 @@ quantity.error.measure      error one of disagreement, oracle_error, truth_error
                             `metrics.ErrorMetrics`
 quantity.component.error    steady-state rms of one component, the unit at the end of its name
 quantity.name               other numbers about a quantity, such as contraction
+quantity.nees               mean NEES over the dimension, of innovations quantity.nis: 1 where the covariance is right
 findings.name               what the kind of agents has to say of a run, and how often what was noted
 links.…                     delivered_fraction of what was put on the air; bytes_per_agent_s, payload on the air, what
                             all neighbours hear counted once; medium_lost_fraction, by half-duplex, collision or access;
@@ -58,7 +59,8 @@ def measure(record: Record) -> Values:
     """The numbers of a run."""
     metrics = compute_metrics(record)
     findings = {f"findings.{one.name}": one.value for one in metrics.findings}
-    found = {**dict(_of_quantities(metrics)), **dict(_of_links(record, metrics)), **findings}
+    tests = {f"{quantity}.{one.test.lower()}": one.mean for quantity, one in metrics.consistency.items()}
+    found = {**dict(_of_quantities(metrics)), **tests, **dict(_of_links(record, metrics)), **findings}
     for quantity in record.evaluated.compared():
         if not all(np.isfinite(series.value).all() for series in record.estimates(quantity).values()):
             found.update({name: math.inf for name in found if name.startswith(f"{quantity}.")})

@@ -64,6 +64,11 @@ class Quantity:
     covariance: str | None = None
 
     @property
+    def is_place(self) -> bool:
+        """Whether its first two components are x and y in metres: where something is, to be drawn in plan view."""
+        return [(name, unit) for name, unit, _ in self.components[:2]] == [("x", "m"), ("y", "m")]
+
+    @property
     def covariance_quantity(self) -> str:
         """The name under which its covariance is reported, if it is."""
         return self.covariance or covariance_name(self.name)

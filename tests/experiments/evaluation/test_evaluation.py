@@ -187,7 +187,7 @@ def test_the_truth_of_a_coupled_world_is_found_by_its_index(plan_of: PlanOf) -> 
 class Walk(Evaluation):
     """Views of one place, which walks."""
 
-    def view(self, reports: Mapping[str, Floats]) -> View:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View:
         """Where it is, with as much as it has walked."""
         return View({"here": np.array([reports["place"][0], 0.0])})
 

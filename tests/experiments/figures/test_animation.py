@@ -39,7 +39,7 @@ class Survey(Evaluation):
     quantities = (Quantity("spread", role="diagnostic"),)
     relative = False
 
-    def view(self, reports: Mapping[str, Floats]) -> View | None:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View | None:
         """What it says, the spread for itself only."""
         if "places" not in reports:
             return None
@@ -120,7 +120,7 @@ class MarkEvaluation(Evaluation):
         """Where it was at the report of this index."""
         return np.array([index / 10, 2.0])
 
-    def view(self, reports: Mapping[str, Floats]) -> View | None:
+    def view(self, agent: str, reports: Mapping[str, Floats]) -> View | None:
         """One place."""
         return View({"mark": reports["mark"]}, {"mark": np.eye(2)}) if "mark" in reports else None
 

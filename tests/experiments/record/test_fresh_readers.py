@@ -22,7 +22,7 @@ class Judge(Evaluation):
     def truth(self, agent, quantity, index, time_ns):
         return 1.0
 
-    def view(self, reports):
+    def view(self, agent, reports):
         return View({"mark": [reports["x"][0], 0.0]})
 
 

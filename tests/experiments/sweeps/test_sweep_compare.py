@@ -14,6 +14,7 @@ from volery.experiments.sweeps.significance import (
     Entry,
     check_measure,
     contests,
+    cost_of,
     default_by,
     defined,
     entries,
@@ -58,8 +59,15 @@ def test_what_chance_explains_is_not_better() -> None:
 def test_more_may_be_better() -> None:
     """Of fractions that are delivered the largest comes first."""
     found = [entry("a", level(1)), entry("b", level(3))]
-    (contest,) = contests(found, ["filter"], rather_large=True)
+    (contest,) = contests(found, ["filter"], cost=cost_of("links.delivered_fraction"))
     assert [(one.label, one.better_than) for one in contest.standings] == [("b", (1,)), ("a", ())]
+
+
+def test_a_mean_nees_is_best_near_one() -> None:
+    """A filter that is twice too cautious is better than one that is three times overconfident."""
+    found = [entry("cautious", dict.fromkeys(SEEDS, 0.5)), entry("confident", dict.fromkeys(SEEDS, 3.0))]
+    (contest,) = contests(found, ["filter"], cost=cost_of("pose.nees"))
+    assert [(one.label, one.better_than) for one in contest.standings] == [("cautious", (1,)), ("confident", ())]
 
 
 def test_a_rare_disaster_does_not_hide_who_is_usually_better() -> None:
