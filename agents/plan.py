@@ -166,7 +166,7 @@ class PublicPlan:
         return next(agent for agent in self.agents if agent.name == name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """A scenario as the engines see it.
 
@@ -191,6 +191,10 @@ class Plan:
     world_agents: tuple[AgentPlan, ...] = ()
     wires: Mapping[LinkName, LinkSettings] = field(default_factory=dict)
     keeps_payloads: bool = False
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.agents)} agents, {len(self.links)} links, {len(self.faults)} faults"
+        return f"Plan {self.name}: {self.duration_ns / 1e9:g} s, {counts}"
 
     @property
     def all_agents(self) -> tuple[AgentPlan, ...]:

@@ -8,28 +8,65 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from ..transport.links import NANOSECONDS
 from .analysis.export import frame_columns
 from .analysis.metrics import Metrics, compute_metrics
 from .execution import Options, execute
-from .figures import run_figures as figures
+from .figures.run_figures import as_html, figures, write
+from .fresh_replay import verify_afresh
 from .record.record import Record, load
-from .record.run_files import FIGURES_FOLDER
 from .record.samples import Samples, samples
 from .scenario.load import Source, load_scenario, resolved_yaml
 from .scenario.validate import validate_plan
+from .verify import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
 
 
-@dataclass(frozen=True)
+class Figures(dict[str, "Figure"]):
+    """Name → figure of matplotlib; a notebook shows them."""
+
+    def __repr__(self) -> str:
+        return f"Figures: {', '.join(self)}"
+
+    def _repr_html_(self) -> str:
+        return "".join(map(as_html, self.values()))
+
+
+@dataclass(frozen=True, repr=False)
 class Run:
     """A run that is over: its folder and its record, and from these the arrays."""
 
     folder: Path
     record: Record
+
+    def __repr__(self) -> str:
+        info, plan = self.record.info, self.record.plan
+        engine = " ".join(filter(None, (info.get("engine"), info.get("pace"))))
+        title = f"Run {plan.name}: {info.get('status', 'without run.json')}, {engine}"
+        lines = [f"{title}, {len(plan.agents)} agents, {self.record.last_ns / NANOSECONDS:g} s"]
+        if self.record.evaluation is not None:
+            lines += [repr(self.samples(name)) for name in self.record.evaluation.compared()]
+        return "\n".join([*lines, *self.problems, f"folder {self.folder}"])
+
+    def _repr_html_(self) -> str:
+        head, *_ = repr(self).splitlines()
+        rows = [("steady-state rms", "error to truth", "error to oracle")]
+        for name, quantity in self.metrics.quantities.items():
+            for one in quantity.components:
+                label = f"{name}: {one.name} ({one.unit})" if one.unit else f"{name}: {one.name}"
+                rows.append((label, f"{one.truth_rms:.3g}", f"{one.oracle_rms:.3g}"))
+        table = "".join(f"<tr><td>{'</td><td>'.join(map(escape, row))}</td></tr>" for row in rows)
+        notes = [self.metrics.fidelity.verdict, *self.problems, f"folder {self.folder}"]
+        return f"<b>{escape(head)}</b><table>{table}</table>{'<br>'.join(map(escape, notes))}"
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -41,8 +78,8 @@ class Run:
         """What the agents reported, in alphabetical order."""
         return self.record.quantities()
 
-    def samples(self, quantity: str = "estimate") -> Samples:
-        """What all agents reported of a quantity side by side, with oracle and truth.
+    def samples(self, quantity: str | None = None) -> Samples:
+        """What all agents reported of a quantity, or of the first, side by side, with oracle and truth.
 
         time_ns (T,); estimate, oracle, truth (T, N, k) in the agents' units, NaN where there is none.
 
@@ -65,13 +102,39 @@ class Run:
         """All metrics."""
         return compute_metrics(self.record)
 
-    def plot(self, *which: str, out: Path | None = None, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-        """Draw figures, by default all, into `out` or else the run's `figures`; the paths of the files.
+    def to_xarray(self, quantity: str | None = None) -> Dataset:
+        """What all agents reported of a quantity, or of the first, see `Samples.to_xarray`."""
+        return self.samples(quantity).to_xarray()
+
+    def plot(
+        self,
+        *which: str,
+        quantity: str | None = None,
+        out: str | Path | None = None,
+        formats: Sequence[str] = ("png", "pdf"),
+    ) -> Figures:
+        """Draw figures, by default all; a notebook shows what is returned.
+
+        Args:
+            which: some of estimates, disagreement, links, age and overview.
+            quantity: what estimates and disagreement are of; by default the first that was reported.
+            out: a folder to save them in, too.
+            formats: to save them as.
+        Raises:
+            BadInput: no such figure, quantity or format.
+        """
+        found = figures(self.record, which, quantity)
+        if out is not None:
+            write(found, Path(out), formats)
+        return Figures(found)
+
+    def verify(self) -> Verdict:
+        """Replay the run in the twin, in a new interpreter, and compare bit for bit, as `volery verify` does.
 
         Raises:
-            BadInput: no such figure or format.
+            RunFailed: an error in the code of an agent.
         """
-        return figures.draw(self.record, which, out or self.folder / FIGURES_FOLDER, formats)
+        return verify_afresh(self.folder)
 
 
 def run_scenario(

@@ -131,7 +131,7 @@ class LinkMetrics:
     age: AgeMetrics
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Metrics:
     """All metrics of a run; links by name, "3>7".
 
@@ -152,6 +152,10 @@ class Metrics:
     processes: Mapping[str, ProcessMetrics]
     findings: tuple[Finding, ...]
     fidelity: Fidelity
+
+    def __repr__(self) -> str:
+        found = ", ".join(self.quantities) or self.not_evaluated
+        return f"Metrics of {self.name}, {self.seconds:g} s: {found}; {len(self.links)} links; {self.fidelity.verdict}"
 
     @property
     def times_real_time(self) -> float:

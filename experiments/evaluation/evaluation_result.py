@@ -85,6 +85,9 @@ class EvaluationResult:
     views: Mapping[str, Places] = field(default_factory=dict)
     followed: Places | None = None
 
+    def __repr__(self) -> str:
+        return f"EvaluationResult of {', '.join(self.quantities) or 'no estimates'}; {len(self.findings)} findings"
+
     def quantity(self, name: str) -> EvaluatedQuantity:
         """One of the quantities.
 

@@ -5,8 +5,10 @@ Colours are those of Okabe and Ito, which are told apart with every kind of colo
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 FIGURES = ("estimates", "disagreement", "links", "age", "overview")
+_SCREEN_DPI = 120
 _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
@@ -71,26 +74,61 @@ def draw(
     Raises:
         BadInput: no such figure, format or quantity.
     """
+    check_formats(formats)
+    return write(figures(record, which, quantity), out, formats)
+
+
+def figures(record: Record, which: Iterable[str] = (), quantity: str | None = None) -> dict[str, Figure]:
+    """Name → figure of a record, in the style of all.
+
+    Without a name in `which`, every figure for which the run has anything to show.
+
+    Raises:
+        BadInput: no such figure or quantity.
+    """
     names = list(which) or list(FIGURES if record.evaluation and record.evaluation.compared() else _OF_LINKS)
     _check("figure", names, FIGURES)
-    check_formats(formats)
-    return [path for name in names for path in save(partial(_draw, name, record, quantity), name, out, formats)]
+    return {name: _styled(partial(_draw, name, record, quantity)) for name in names}
 
 
 def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Sequence[str]) -> list[Path]:
     """Draw a figure in the style of all and leave it in a folder, in each format; the paths of the files."""
+    return write({name: _styled(draw_into)}, out, formats)
+
+
+def _styled(draw_into: Callable[[Figure], None]) -> Figure:
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    out.mkdir(parents=True, exist_ok=True)
     with style.context(STYLE):
         figure = Figure(layout="constrained")
         draw_into(figure)
-        paths = [out / f"{name}.{format_}" for format_ in formats]
-        for path in paths:
+    return figure
+
+
+def write(figures: Mapping[str, Figure], out: Path, formats: Sequence[str]) -> list[Path]:
+    """Leave figures in a folder, by their names, in each format; the paths of the files.
+
+    Raises:
+        BadInput: no such format.
+    """
+    from matplotlib import style
+
+    check_formats(formats)
+    out.mkdir(parents=True, exist_ok=True)
+    paths = {out / f"{name}.{format_}": figure for name, figure in figures.items() for format_ in formats}
+    with style.context(STYLE):
+        for path, figure in paths.items():
             with whole_file(path) as unfinished:
                 figure.savefig(unfinished)
-    return paths
+    return list(paths)
+
+
+def as_html(figure: Figure) -> str:
+    """A figure as an image inside of HTML."""
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=_SCREEN_DPI)
+    return f'<img src="data:image/png;base64,{b64encode(data.getvalue()).decode()}">'
 
 
 def check_formats(formats: Sequence[str]) -> None:
@@ -110,14 +148,6 @@ def _check(what: str, names: Iterable[str], known: Sequence[str]) -> None:
             raise BadInput(f"{what} {name!r} is not known: one of {', '.join(known)}")
 
 
-def _seen(record: Record, quantity: str | None) -> Samples:
-    """The samples of a quantity, or of the first that there is."""
-    quantities = record.evaluated.compared()
-    if not quantities:
-        raise BadInput("no agent reported an estimate: there is nothing to draw but links")
-    return samples(record, quantity or quantities[0])
-
-
 def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> None:
     """Draw one of FIGURES, in its size."""
     if name in _OF_LINKS:
@@ -125,7 +155,7 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         figure.set_size_inches(COLUMN_IN, height * COLUMN_IN)
         draw_of_links(record, figure)
         return
-    seen = _seen(record, quantity)
+    seen = samples(record, quantity)
     if name == "estimates":
         figure.set_size_inches(
             COLUMN_IN if seen.is_shared else PAGE_IN, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2])

@@ -47,6 +47,9 @@ class Record:
     recovered: bool = False
     evaluation: EvaluationResult | None = None
 
+    def __repr__(self) -> str:
+        return f"Record of {self.plan!r}: {', '.join(self.quantities()) or 'no estimates'}"
+
     @cached_property
     def end_ns(self) -> int | None:
         """When the run ended, in nanoseconds; None for one that was broken off before it could say so."""

@@ -98,6 +98,9 @@ class SweepPlan:
     made_with: Mapping[str, Any]
     loaded: tuple[LoadedScenario, ...] = field(default=(), repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"SweepPlan {self.name}: {', '.join(axis.name for axis in self.axes)}; {len(self.cells)} cells"
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What of the scenario is not in the plans of its cells, a sentence each."""

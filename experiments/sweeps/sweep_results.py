@@ -39,7 +39,7 @@ class Row(NamedTuple):
     values: Values
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """The results of a sweep: its plan, how many repetitions were asked for, and the runs that are finished.
 
@@ -50,6 +50,11 @@ class Sweep:
     plan: SweepPlan
     repeat: int
     rows: tuple[Row, ...]
+
+    def __repr__(self) -> str:
+        axes = " × ".join(f"{len(axis.labels)} {axis.name}" for axis in self.plan.axes) or "one cell"
+        runs = f"{len(self.rows)} of {len(self.plan.cells) * self.repeat} runs"
+        return f"Sweep {self.plan.name}: {axes}, {runs}, {len(self.measures)} measures\nfolder {self.folder}"
 
     @property
     def missing(self) -> int:
