@@ -67,14 +67,15 @@ def _in_words(hint: Any) -> str:
     return re.sub(r"\b[a-z_.]+\.", "", inspect.formatannotation(hint))
 
 
-def _given(agents: Any, world: Any) -> dict[str, Any]:
-    return {name: value for name, value in (("agents", agents), ("world", world)) if value is not None}
+def _given(**fields: Any) -> dict[str, Any]:
+    return {name: value for name, value in fields.items() if value is not None}
 
 
 @checked
 def run(  # noqa: PLR0913 - all but one by name
     scenario: str | Path | Mapping[str, Any],
     *,
+    topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
     world: Any = None,
     overrides: Sequence[str] = (),
@@ -106,6 +107,7 @@ def run(  # noqa: PLR0913 - all but one by name
     Args:
         scenario: name of a built-in scenario, path of a YAML file, or the fields themselves; wherever they name code,
             a class or function may stand itself, also one that is defined in the script or notebook.
+        topology: instead of the scenario's: a networkx graph, or a mapping as in a scenario.
         agents: instead of the scenario's: a kind or class, or a mapping as in a scenario.
         world: instead of the scenario's: a kind or class, a mapping as in a scenario, or an object of settings.
         overrides: fields to set, such as "links.loss.bernoulli=0.3"; the last one of a field counts.
@@ -122,13 +124,16 @@ def run(  # noqa: PLR0913 - all but one by name
         RunFailed: the swarm could not be started.
     """
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
-    return run_scenario(scenario, overrides, _given(agents, world), options, threading.Event())
+    return run_scenario(
+        scenario, overrides, _given(topology=topology, agents=agents, world=world), options, threading.Event()
+    )
 
 
 @checked
 async def run_async(  # noqa: PLR0913 - all but one by name
     scenario: str | Path | Mapping[str, Any],
     *,
+    topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
     world: Any = None,
     overrides: Sequence[str] = (),
@@ -141,7 +146,7 @@ async def run_async(  # noqa: PLR0913 - all but one by name
 ) -> Run:
     """Run a scenario as `run` does, while the event loop goes on; a task that is cancelled ends its run early."""
     options = Options(engine, pace, speed, Path(runs), name, figures=figures)
-    return await run_scenario_async(scenario, overrides, _given(agents, world), options)
+    return await run_scenario_async(scenario, overrides, _given(topology=topology, agents=agents, world=world), options)
 
 
 @checked
@@ -151,6 +156,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
     *,
     repeat: int = 1,
     random: int | None = None,
+    topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
     world: Any = None,
     overrides: Sequence[str] = (),
@@ -174,6 +180,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
             {"filter": {"plain": ["agents.rounds=3"], "fast": ["agents.rounds=9", "links.rate=1 Mbit/s"]}}.
         repeat: runs of each combination, with the scenario's seed and the seeds that follow it.
         random: number of random combinations to run instead of all.
+        topology: as for `run`.
         agents: as for `run`.
         world: as for `run`.
         overrides: fields to set in all runs.
@@ -196,7 +203,9 @@ def sweep(  # noqa: PLR0913 - all but two by name
     from .cli.progress_display import run_shown
 
     options = SweepOptions(repeat, engine, Path(runs), name, workers, scheduler, keep, fresh)
-    plan = plan_sweep(scenario, overrides, over, random, options.engine, _given(agents, world))
+    plan = plan_sweep(
+        scenario, overrides, over, random, options.engine, _given(topology=topology, agents=agents, world=world)
+    )
     for note in plan.notes:
         warnings.warn(note, stacklevel=3)
     return run_shown(plan, options, Console(stderr=True)) if progress else run_sweep(plan, options)

@@ -60,7 +60,9 @@ class GraphSettings:
         except BadInput:
             raise
         except Exception as error:
-            at = traceback.extract_tb(error.__traceback__)[-1]
+            frames = traceback.extract_tb(error.__traceback__)
+            of_user = [each for each in frames if "site-packages" not in each.filename and "<" not in each.filename]
+            at = of_user[-1]
             text = f"{name} failed in line {at.lineno} of {at.filename}"
             raise BadInput(f"{text}: {type(error).__name__}: {error}") from error
         if not isinstance(graph, nx.Graph):
@@ -131,7 +133,9 @@ def _field(parameter: inspect.Parameter, hint: Any) -> tuple[str, Any, Any]:
         return "seed", int | None, field(default=None)
     if parameter.default is parameter.empty:
         return parameter.name, hint, field()
-    return parameter.name, hint, field(default_factory=lambda: parameter.default)
+    if type(parameter.default).__hash__ is None:
+        return parameter.name, hint, field(default_factory=lambda: parameter.default)
+    return parameter.name, hint, field(default=parameter.default)
 
 
 # -- graphs that are written down -------------------------------------------------------------------------------------

@@ -45,10 +45,10 @@ def edge_settings(graph: nx.Graph, remedy: str, folder: Path) -> list[LinkOverri
     for link in sorted(attributes, key=lambda link: [natural_key(end) for end in link]):
         settings: dict[str, Any] = {}
         for each in attributes[link]:
-            text = json.dumps({name: _plain(link, name, value) for name, value in each.items()}, sort_keys=True)
-            if text not in read:
-                read[text] = _read(link, json.loads(text), folder)
-            _join(link, settings, read[text])
+            key = repr(sorted(each.items()))
+            if key not in read:
+                read[key] = _read(link, {name: _plain(link, name, value) for name, value in each.items()}, folder)
+            _join(link, settings, read[key])
         alike.setdefault(repr(sorted(settings.items())), (settings, []))[1].append(link)
     return [LinkOverride(_words(links), settings) for settings, links in alike.values()]
 

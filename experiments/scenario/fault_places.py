@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, TypeVar
 
 from ...agents.plan import Coupled, Plan, World
@@ -44,12 +44,30 @@ class Places:
     @cached_property
     def links(self) -> tuple[LinkName, ...]:
         """Both directions of every edge, in natural order."""
-        return _in_order({link for first, second in self.edges for link in ((first, second), (second, first))})
+        return _both_directions(tuple(self.edges))
 
     @cached_property
+    def neighbours(self) -> Mapping[str, Sequence[str]]:
+        """Agents and their neighbours, in natural order."""
+        return _neighbours(tuple(self.edges))
+
+    @property
     def agents(self) -> tuple[str, ...]:
         """The ends of all links, in natural order."""
-        return tuple(sorted({source for source, _ in self.links}, key=natural_key))
+        return tuple(self.neighbours)
+
+
+@lru_cache(maxsize=8)
+def _both_directions(edges: tuple[LinkName, ...]) -> tuple[LinkName, ...]:
+    return _in_order({link for first, second in edges for link in ((first, second), (second, first))})
+
+
+@lru_cache(maxsize=8)
+def _neighbours(edges: tuple[LinkName, ...]) -> Mapping[str, Sequence[str]]:
+    found: dict[str, list[str]] = {}
+    for source, target in _both_directions(edges):
+        found.setdefault(source, []).append(target)
+    return found
 
 
 def places_of(plan: Plan) -> Places:
@@ -206,9 +224,11 @@ def _links_of(word: str, places: Places) -> Iterable[LinkName]:
 
 def _between(first: str, second: str, word: str, places: Places) -> list[LinkName]:
     sources, targets = _members(first, places, word), _members(second, places, word)
-    found = [link for link in places.links if link[0] in sources and link[1] in targets]
+    found = [(source, target) for source in sources for target in places.neighbours[source] if target in targets]
     if not found:
-        near = dict.fromkeys(target for source, target in places.links if source in sources and target not in sources)
+        near = dict.fromkeys(
+            each for source in sorted(sources) for each in places.neighbours[source] if each not in sources
+        )
         raise BadInput(f"{word}: {first} and {second} have no link; neighbours of {first}: {', '.join(near) or 'none'}")
     return found
 
@@ -236,7 +256,7 @@ def check_agent(name: str, places: Places, within: str = "") -> str:
     Raises:
         BadInput: no such agent.
     """
-    if name in places.agents:
+    if name in places.neighbours:
         return name
     place = f"{within}: " if within and within != name else ""
     groups = f"; groups: {', '.join(places.groups)}" if places.groups else ""

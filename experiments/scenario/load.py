@@ -8,11 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
 from pydantic import ValidationError
 
 from ...agents.plan import Plan
+from ...errors import BadInput
+from ...topologies import edges, positions, topology_of
 from ...units import quantity
 from .compile import attempt
+from .edge_settings import IN_PYTHON, edge_settings
 from .explaining import explain
 from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .python_values import plain
@@ -67,7 +71,9 @@ def load_scenario(source: Source, overrides: Sequence[str] = (), given: Mapping[
         BadInput: every error at once, each as `file:line:column: field: message`, or `--set KEY: field: message`; of
             what comes from Python as `field: message`.
     """
-    document, folder = _read(source, overrides, plain(given))
+    graph = _graph(source, given)
+    own = {} if graph is None else {"topology": _fields(graph)}
+    document, folder = _read(source, overrides, {**given, **own})
     _reach(Path.cwd(), folder)
 
     def folder_of(place: Loc) -> Path:
@@ -80,6 +86,8 @@ def load_scenario(source: Source, overrides: Sequence[str] = (), given: Mapping[
         scenario: Scenario = validated(Scenario, document.data)
     except ValidationError as error:
         raise document.error(explain(error)) from error
+    if graph is not None:
+        scenario = _with_edges_of(graph, scenario, document)
     late: list[tuple[Loc, str, int]] = [
         (("faults", index), "from" if entry.at is None else "at", entry.start_ns)
         for index, entry in enumerate(scenario.faults)
@@ -103,12 +111,38 @@ def load_scenario(source: Source, overrides: Sequence[str] = (), given: Mapping[
     return LoadedScenario(scenario, plan, notes, tuple(dict.fromkeys(files)))
 
 
+def _graph(source: Source, given: Mapping[str, Any]) -> nx.Graph | None:
+    """The networkx graph that stands in the place of `topology`, as a topology; None if there is none."""
+    topology = given.get("topology", source.get("topology") if isinstance(source, Mapping) else None)
+    try:
+        return topology_of(topology) if isinstance(topology, nx.Graph) else None
+    except BadInput as error:
+        raise BadInput(f"topology: {error}") from error
+
+
+def _fields(graph: nx.Graph) -> dict[str, Any]:
+    """The topology as a scenario has it."""
+    fields: dict[str, Any] = {"edges": ["-".join(edge) for edge in edges(graph)]}
+    return fields | ({"positions": places} if (places := positions(graph)) else {})
+
+
+def _with_edges_of(graph: nx.Graph, scenario: Scenario, document: Document) -> Scenario:
+    """The scenario with what the graph's edges say of links, before its entries of `links: only:`."""
+    if override := next((key for path, key in document.overrides.items() if path[0] == "topology"), None):
+        raise BadInput(f"--set {override}: topology is a networkx graph here: change that")
+    try:
+        of_edges = edge_settings(graph, IN_PYTHON, Path.cwd())
+    except BadInput as error:
+        raise BadInput(f"topology: {error}") from error
+    return replace(scenario, links=replace(scenario.links, only=(*of_edges, *scenario.links.only)))
+
+
 def _read(source: Source, overrides: Sequence[str], given: Mapping[str, Any]) -> tuple[Document, Path]:
     """The fields of a scenario, and the folder in which the relative paths in them start."""
     if isinstance(source, Mapping):
-        return read_fields({"name": "scenario", **plain(source), **given}, overrides), Path.cwd()
+        return read_fields(plain({"name": "scenario", **source, **given}), overrides), Path.cwd()
     name, label, text, folder = find_source(source)
-    document = read_document(text, label, overrides, given)
+    document = read_document(text, label, overrides, plain(given))
     document.data.setdefault("name", name)
     return document, folder
 

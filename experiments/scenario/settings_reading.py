@@ -41,6 +41,7 @@ from .trace_files import STAND_INS
 
 STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
 TAG = "kind"
+_OWN = Annotated[str, Field(pattern=r"^[^:]+:[^:]+$")]
 
 
 @dataclass(frozen=True)
@@ -434,14 +435,15 @@ def _tags(kinds: Kinds, unit: Unit | None) -> Any:
 
 def _by_name_and_beside(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     known = kinds.names()
-    if kinds.entry_points and TAG in _mapping(value):
-        if str(name := value[TAG]) in known:
+    if kinds.entry_points and (":" in value if isinstance(value, str) else TAG in _mapping(value)):
+        if isinstance(value, dict) and (name := value[TAG]) in known:
             raise BadInput(f"kind is for code of your own: write {name} itself, as in {{{name}: …}}", (TAG,))
         return _by_kind(kinds, unit, value)
     found = [key for key in _mapping(value) if key in known]
     if not found:
         unknown = next(iter(value), None)
         hint = f"unknown kind {unknown!r}{did_you_mean(unknown, known)}" if unknown else "no kind"
+        hint = f"write kind: {unknown}, and its parameters beside" if unknown and ":" in unknown else hint
         raise BadInput(hint if unknown else f"no kind: write one of {', '.join(known)}", (unknown,) if unknown else ())
     if len(found) > 1:
         raise BadInput(f"{' and '.join(found)} each name a kind: keep one")
@@ -482,14 +484,13 @@ def _names_and_beside(kinds: Kinds, unit: Unit | None, others: Mapping[str, Any]
         if list(read_fields(cls)) != [name]:
             below = (typed(cls, unit), Field(alias=name, title=name, description=summary(cls)))
             shapes.append(create_model(f"{cls.__name__}Below", __config__=STRICT, value=below, **others))
-    return any_of([*shapes, *([own_kind(**others)] if kinds.entry_points else [])])
+    return any_of([*shapes, *([own_kind(**others), *([] if others else [_OWN])] if kinds.entry_points else [])])
 
 
 def own_kind(**others: Any) -> Any:
     """Source of a kind of a user's own: its import string, and any fields."""
-    tag: Any = (Annotated[str, Field(pattern=r"^[^:]+:[^:]+$")], Field(alias=TAG, title=TAG, description="module:Name"))
-    anything = ConfigDict(**{**STRICT, "extra": "allow"})
-    return create_model("OwnKind", __config__=anything, kind=tag, **others)
+    tag: Any = (_OWN, Field(alias=TAG, title=TAG, description="module:Name"))
+    return create_model("OwnKind", __config__=ConfigDict(**{**STRICT, "extra": "allow"}), kind=tag, **others)
 
 
 _NOTATIONS: Mapping[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
