@@ -1,4 +1,4 @@
-"""`volery compare`: runs or sweeps side by side, with intervals, and who is better at which significance."""
+"""`volery compare`: runs or sweeps side by side, with confidence intervals and tests."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from .folders import find_sweep, finished_run
 from .output import output, print_note, print_plain
 from .sweep_tables import contest_table, notes, to_plain, too_few_seeds
 
-_MEASURE = "What to compare, e.g. links.bytes_per_agent_s; several times for several; by default the error at the end."
-_BY = "Axes whose values compete; by default sweeps, or the first axis whose values are no numbers."
+_MEASURE = "Metric to compare, e.g. links.bytes_per_agent_s; repeatable; by default the error at the end."
+_BY = "Axes whose values are compared; by default the sweeps, or the first axis that is not numeric."
 OF_RUNS = ("links.delivered_fraction", "links.bytes_per_agent_s")
-Names = Annotated[str, Parameter(help="Runs, or sweeps: a folder, or its name in --runs.")]
+Names = Annotated[str, Parameter(help="Run or sweep: its folder, or its name in --runs.")]
 Measures = Annotated[tuple[str, ...], Parameter("--measure", help=_MEASURE)]
 By = Annotated[tuple[str, ...], Parameter("--by", help=_BY)]
-Confidence = Annotated[float, Parameter(help="Of the intervals.")]
-AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: measure, its contests.")]
+Confidence = Annotated[float, Parameter(help="Confidence level of the intervals, 0 to 1.")]
+AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: metric → comparisons.")]
 
 
 def compare(
@@ -50,13 +50,13 @@ def compare(
     json_: AsJson = False,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Say who is better, of runs or of sweeps: means with intervals, and paired tests over the seeds they share."""
+    """Compare runs or sweeps: means with intervals, and paired tests over common seeds."""
     names = (name, *more)
     folders = [find_sweep(each, runs) for each in names]
     if all(folders):
-        measures, found, axes, said = _of_sweeps([folder for folder in folders if folder], measure)
+        measures, found, axes, remarks = _of_sweeps([folder for folder in folders if folder], measure)
     elif not any(folders):
-        measures, found, axes, said = _of_runs([finished_run(each, runs) for each in names], measure)
+        measures, found, axes, remarks = _of_runs([finished_run(each, runs) for each in names], measure)
     else:
         raise BadInput("compare runs with runs or sweeps with sweeps: these are of both kinds")
     held = {one: contests(found(one), by or axes, confidence, cost_of(one)) for one in measures}
@@ -65,7 +65,7 @@ def compare(
         return
     for one, those in held.items():
         output().print(contest_table(one, those, confidence))
-    for note in dict.fromkeys((*said, *(note for those in held.values() for note in too_few_seeds(those)))):
+    for note in dict.fromkeys((*remarks, *(note for those in held.values() for note in too_few_seeds(those)))):
         print_note(note)
 
 
@@ -73,7 +73,7 @@ _Found = tuple[Sequence[str], Callable[[str], list[Entry]], tuple[str, ...], Seq
 
 
 def _of_sweeps(folders: Sequence[Path], measures: Sequence[str]) -> _Found:
-    """Measures, what gives their entries, axes that compete by default, and what there is to say."""
+    """Metrics, a function from a metric to its entries, axes that are compared by default, and notes."""
     sweeps = [load_sweep(folder) for folder in folders]
     known = [one for one in defined(sweeps[0]) if all(one in sweep.measures for sweep in sweeps)]
     chosen = [check_measure(one, known) for one in measures] or [main_measure(known)]

@@ -1,4 +1,4 @@
-"""A run in the background: started in a session of its own, left alone once its swarm runs."""
+"""A run in the background, started in a session of its own."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _LOOK_EVERY_S = 0.05
 
 
 def detached(words: Sequence[str], options: Options) -> int:
-    """Start `volery` with these words, wait until its swarm runs or it has ended; the exit code.
+    """Start `volery` with these arguments and wait until its swarm runs or it has ended; the exit code.
 
-    What it prints goes to output.txt in the run's folder.
+    Its output goes to output.txt in the run's folder.
     """
     options.runs.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w+", dir=options.runs, prefix=".output-", delete=False) as out:
         path = Path(out.name)
         command = [sys.executable, "-m", __package__.partition(".")[0], *words]
-        process = subprocess.Popen(  # noqa: S603 - our own command line, taken apart and checked
+        process = subprocess.Popen(  # noqa: S603 - our own command line, parsed and checked
             command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
         code, folder = _wait(process, options.runs)
@@ -36,11 +36,11 @@ def detached(words: Sequence[str], options: Options) -> int:
             path.unlink()
         else:
             path.rename(folder / OUTPUT_FILE)
-        return _tell(code, folder, out)
+        return _report(code, folder, out)
 
 
 def _wait(process: subprocess.Popen[bytes], runs: Path) -> tuple[int | None, Path | None]:
-    """Exit code, None if the process goes on, and folder of its run, None if it left none."""
+    """The exit code, None if the process is running, and the folder of its run, None if there is none."""
     while True:
         code = process.poll()
         folder = run_of(process.pid, runs)
@@ -49,7 +49,7 @@ def _wait(process: subprocess.Popen[bytes], runs: Path) -> tuple[int | None, Pat
         time.sleep(_LOOK_EVERY_S)
 
 
-def _tell(code: int | None, folder: Path | None, out: IO[str]) -> int:
+def _report(code: int | None, folder: Path | None, out: IO[str]) -> int:
     if code:
         out.seek(0)
         print_error(out.read().strip().removeprefix("error:").strip())

@@ -1,4 +1,4 @@
-"""The options of `volery plot` for what is drawn of a window of a run: a space-time diagram, a film, stills."""
+"""Options of `volery plot` for a window of a run: space-time diagram, animation, stills."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ..record.record import Record
 from .output import output, print_plain
 from .window import WHOLE, SpanOptions, instant, known
 
-_AGENTS = "Agents between which frames are shown, with commas; all by default."
-_SPACE_TIME = "Draw the space-time diagram of a window, by default of the frames about the first fault."
-_ANIMATE = "Film the run in plan view, as MP4 where ffmpeg is found and else as GIF; --format mp4 or gif says which."
-_STILL = "Draw one instant of that film, e.g. 2.5s; may be given several times."
-_FPS = "Pictures in a second of the film."
-_SPEED = "Seconds of the run in a second of the film."
+_AGENTS = "Agents of the space-time diagram, separated by commas; by default all."
+_SPACE_TIME = "Draw the space-time diagram of a window; by default of the frames around the first fault."
+_ANIMATE = "Animate the run in plan view, as MP4 if ffmpeg is found, else as GIF; or choose with --format mp4 or gif."
+_STILL = "Draw one instant of the animation, e.g. 2.5s; repeatable."
+_FPS = "Frames per second of the animation."
+_SPEED = "Nominal seconds per second of the animation."
 SpaceTime = Annotated[bool, Parameter("--space-time", help=_SPACE_TIME)]
 Agents = Annotated[tuple[str, ...], Parameter("--agents", help=_AGENTS)]
 Animate = Annotated[bool, Parameter("--animate", help=_ANIMATE)]
@@ -37,7 +37,7 @@ _LINES, _FPS_DEFAULT, _SPEED_DEFAULT = 10, 10.0, 1.0
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Diagram:
-    """Which of them are wanted, and of what."""
+    """The diagrams to draw and their window."""
 
     space_time: SpaceTime = False
     animate: Animate = False
@@ -48,10 +48,10 @@ class Diagram:
     agents: Agents = ()
 
     def draw(self, record: Record, into: Path, formats: Sequence[str]) -> list[Path]:
-        """Draw those that are wanted; the paths of the files.
+        """Draw the diagrams; the paths of the files.
 
         Raises:
-            BadInput: an option of what is not wanted, or a window that does not fit the run.
+            BadInput: an option of a diagram that is not drawn, or a window outside of the run.
         """
         self._check()
         if not (self.space_time or self.animate or self.still):
@@ -71,7 +71,7 @@ class Diagram:
         return paths
 
     def _check(self) -> None:
-        """Nothing silently has no effect."""
+        """Check that every option has an effect."""
         if self.agents and not self.space_time:
             raise BadInput("--agents is of the space-time diagram: add --space-time")
         if self.span != WHOLE and not (self.space_time or self.animate):
@@ -80,7 +80,7 @@ class Diagram:
             raise BadInput("--fps and --speed are of the film: add --animate")
 
     def _film(self, record: Record, out: Path, formats: Sequence[str]) -> Path:
-        """The film, in the first format that is asked for."""
+        """The path of the animation."""
         if len(formats) > 1:
             raise BadInput(f"--format {' and '.join(formats)}: a film is made in one of them at a time")
         film = formats[0] if formats else None
@@ -98,17 +98,17 @@ class Diagram:
 
 @contextmanager
 def _shown() -> Iterator[Advance]:
-    """Shows how far a film is: a bar in a terminal, elsewhere a line at each tenth."""
+    """Progress of an animation: a bar in a terminal, elsewhere a line at each tenth."""
     console = output()
     if not console.is_terminal:
-        yield _say
+        yield _print_tenth
         return
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("film", total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
-def _say(done: int, total: int) -> None:
+def _print_tenth(done: int, total: int) -> None:
     if done * _LINES // total > (done - 1) * _LINES // total:
         print_plain(f"film: {done} of {total} pictures")
 

@@ -1,4 +1,4 @@
-"""`volery evaluate`: the comparison of a run with truth and central estimate, made again."""
+"""`volery evaluate`: repeats the evaluation of a run."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .output import print_note, print_plain
 
 
 def evaluate(run: RunName, /, *, runs: RunsFolder = RUNS) -> None:
-    """Compare all reports of a run with truth and central estimate, and leave what was found in its folder.
+    """Compute truth and central estimate of a run again, and write them with the metrics to its folder.
 
-    `run` does this at its end. Do it again where it was broken off, or failed in code of your own that is mended now.
-    Of modules that are not found any more, those that the run has kept are used.
+    This repeats an evaluation that was interrupted, or that failed in user code which has been corrected since. Modules
+    that are not found any more are taken from the sources that the run has kept.
     """
     folder = finished_run(run, runs)
     sys.path.extend([str(Path.cwd()), str((folder / SOURCES_FOLDER).absolute())])

@@ -1,4 +1,4 @@
-"""`volery fault`: faults of a running swarm, in force at one nominal instant for all, and recorded."""
+"""`volery fault`: faults injected into a running swarm, in force at one nominal instant, and recorded."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from .live_commands import running_swarm
 from .output import print_plain
 
 _LINKS = (
-    "3-7 both directions, 3>7 one (quote it), an agent's or a group's name all links that touch it, left-right those "
-    "between two groups, 'random 0.3' a fraction of the edges, or all; several with commas."
+    "Links, separated by commas: 3-7 (both directions), '3>7' (one), the name of an agent or a group (all its links), "
+    "left-right (between two groups), 'random 0.3' (that fraction of the edges), or all."
 )
-_AGENTS = "Names of agents or groups, 'random 0.3', or all; several with commas."
-_KINDS = "halves, random, majority-ring, isolate 5, bridge 5, or the sides: 1,2,3 4,5,6, left rest."
+_AGENTS = "Agents, separated by commas: names of agents or groups, 'random 0.3' (that fraction), or all."
+_KINDS = "halves, random, majority-ring, isolate 5, bridge 5, or the groups: 1,2,3 4,5,6, or left rest."
 Links = Annotated[str, Parameter(help=_LINKS)]
 Agents = Annotated[str, Parameter(help=_AGENTS)]
-Sensors = Annotated[str, Parameter(help="An agent's or a group's sensor: 2.distance, all.distance.")]
+Sensors = Annotated[str, Parameter(help="Sensors of an agent, a group or all: 2.distance, all.distance.")]
 Sides = Annotated[str, Parameter(help=_KINDS)]
-Settings = Annotated[str, Parameter(help="FIELD=VALUE, the value as in a scenario.")]
+Settings = Annotated[str, Parameter(help="FIELD=VALUE as in a scenario: loss=0.3 latency=5ms rate=57.6kbit/s.")]
 Trouble = Annotated[
     str,
     Parameter(
-        help="failed, stuck, bias=0.02, noise=0.05, or spikes.size=0.5 spikes.probability=0.1; sizes in the sensor's "
-        "unit, or one for each component: bias=[0.1,0,0]."
+        help="failed, stuck, bias=0.02, noise=0.05, or spikes.size=0.5 spikes.probability=0.1; in the sensor's unit, "
+        "one number or one a component: bias=[0.1,0,0]."
     ),
 ]
-KeepState = Annotated[bool, Parameter(help="What it saved when it died is given back to its next life.")]
-Share = Annotated[float, Parameter(help="Share of the processor that is taken, up to 1.")]
-Offset = Annotated[str | None, Parameter(help="How far its clock jumps, e.g. 20ms, or --offset=-20ms.")]
-Drift = Annotated[str | None, Parameter(help="How much faster its clock runs, e.g. 50ppm, or --drift=-50ppm.")]
-Names = Annotated[str, Parameter(help="Names of faults such as f1 or t2; without any, all that are in force.")]
+KeepState = Annotated[bool, Parameter(help="Restart the agent with the state that it had.")]
+Share = Annotated[float, Parameter(help="Share of the processor that the load takes, above 0 and at most 1.")]
+Offset = Annotated[str | None, Parameter(help="Step of the local clock, e.g. 20ms, or --offset=-20ms.")]
+Drift = Annotated[str | None, Parameter(help="Rate error of the local clock, e.g. 50ppm, or --drift=-50ppm.")]
+Names = Annotated[str, Parameter(help="Names of faults, such as f1 or t2; by default all that are in force.")]
 
 fault = App(name="fault")
 
@@ -69,18 +69,18 @@ class Where:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Lasting:
-    """How long a fault lasts, or how often it comes and goes; nominal time."""
+    """Duration of a fault, or its mean times as a random process, in nominal time."""
 
-    for_: Annotated[str | None, Parameter("--for", help="How long, e.g. 2s; until cleared without it.")] = None
-    mtbf: Annotated[str | None, Parameter(help="Mean time between failures, e.g. 5s: comes and goes at random.")] = None
-    mttr: Annotated[str | None, Parameter(help="Mean time to repair, e.g. 1s; goes with --mtbf.")] = None
-    together: Annotated[bool, Parameter(help="All places fail together, instead of each by itself.")] = False
+    for_: Annotated[str | None, Parameter("--for", help="Duration, e.g. 2s; by default until cleared.")] = None
+    mtbf: Annotated[str | None, Parameter(help="Mean time between failures, e.g. 5s, of a random process.")] = None
+    mttr: Annotated[str | None, Parameter(help="Mean time to repair, e.g. 1s; with --mtbf.")] = None
+    together: Annotated[bool, Parameter(help="All places fail together, instead of separately.")] = False
 
     def fields(self) -> dict[str, Any]:
-        """As in a timeline.
+        """The fields of an entry of the timeline.
 
         Raises:
-            BadInput: half of a random process.
+            BadInput: an incomplete random process.
         """
         if (self.mtbf is None) != (self.mttr is None) or (self.together and self.mtbf is None):
             raise BadInput("--mtbf and --mttr belong together, and --together to them: --mtbf 5s --mttr 1s")
@@ -94,37 +94,37 @@ ON = Lasting()
 
 @fault.command
 def cut(links: Links, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Cut links: nothing comes through. Example: volery fault cut 3-7 --for 2s."""
+    """Cut links: no frame passes. Example: volery fault cut 3-7 --for 2s."""
     where.inject({"cut": links}, lasting)
 
 
 @fault.command
 def restore(links: Links, /, *, where: Where = NEWEST) -> None:
-    """End the cuts and partitions that touch these links."""
+    """End the cuts and partitions that touch these links. Example: volery fault restore 3-7."""
     print_plain(where.swarm.restore(links))
 
 
 @fault.command
 def hold(links: Links, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Hold frames back: those on their way and those to come wait. Example: volery fault hold 3-7 --for 500ms."""
+    """Hold frames back until the fault ends. Example: volery fault hold 3-7 --for 500ms."""
     where.inject({"hold": links}, lasting)
 
 
 @fault.command
 def release(links: Links, /, *, where: Where = NEWEST) -> None:
-    """Let the frames come that are held back on these links."""
+    """Release the frames that are held back on these links. Example: volery fault release 3-7."""
     print_plain(where.swarm.release(links))
 
 
 @fault.command
 def partition(*sides: Sides, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Cut every link between the sides of a partition. Example: volery fault partition isolate 5 --for 2s."""
+    """Cut the links between groups of agents. Example: volery fault partition isolate 5 --for 2s."""
     where.inject({"partition": " ".join(sides)}, lasting)
 
 
 @fault.command(name="set")
 def set_links(links: Links, /, *settings: Settings, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Change links: loss=0.3 latency=5ms rate=57.6kbit/s, or any field of a scenario's links."""
+    """Change settings of links. Example: volery fault set all loss=0.3 latency=5ms --for 2s."""
     changes, _ = assign({}, settings)
     anchor(changes, lambda _place: Path.cwd())
     where.inject({"where": links, "set": changes}, lasting)
@@ -132,31 +132,31 @@ def set_links(links: Links, /, *settings: Settings, lasting: Lasting = ON, where
 
 @fault.command
 def kill(agents: Agents, /, *, keep_state: KeepState = False, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Kill agents' processes, as by kill -9; with --for they come back, without their state unless it is kept."""
+    """Kill agents' processes (kill -9); with --for they are restarted. Example: volery fault kill 5 --for 2s."""
     where.inject({"kill": agents, **({"keep_state": True} if keep_state else {})}, lasting)
 
 
 @fault.command
 def restart(agents: Agents, /, *, where: Where = NEWEST) -> None:
-    """Bring back agents that were killed."""
+    """Restart agents that were killed by a fault. Example: volery fault restart 5."""
     print_plain(where.swarm.restart(agents))
 
 
 @fault.command
 def pause(agents: Agents, /, *, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Let agents do nothing; what reaches them meanwhile they handle afterwards."""
+    """Pause agents: they handle later what arrives meanwhile. Example: volery fault pause 5 --for 1s."""
     where.inject({"pause": agents}, lasting)
 
 
 @fault.command
 def resume(agents: Agents, /, *, where: Where = NEWEST) -> None:
-    """Let agents go on that are paused."""
+    """Resume paused agents. Example: volery fault resume 5."""
     print_plain(where.swarm.resume(agents))
 
 
 @fault.command
 def hog(agents: Agents, /, *, share: Share = 1.0, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Take a share of agents' processors away, in realtime pace. Example: volery fault hog 5 --share 0.5 --for 2s."""
+    """Load the processors of agents, in realtime pace. Example: volery fault hog 5 --share 0.5 --for 2s."""
     where.inject({"hog": agents, "share": share}, lasting)
 
 
@@ -164,19 +164,19 @@ def hog(agents: Agents, /, *, share: Share = 1.0, lasting: Lasting = ON, where: 
 def clock(
     agents: Agents, /, *, offset: Offset = None, drift: Drift = None, lasting: Lasting = ON, where: Where = NEWEST
 ) -> None:
-    """Let agents' own clocks be off. Example: volery fault clock 5 --offset 20ms --drift 50ppm."""
+    """Disturb agents' local clocks. Example: volery fault clock 5 --offset 20ms --drift 50ppm."""
     wrong = {name: value for name, value in (("offset", offset), ("drift", drift)) if value is not None}
     where.inject({"clock": agents, **wrong}, lasting)
 
 
 @fault.command
 def sensor(sensors: Sensors, /, *trouble: Trouble, lasting: Lasting = ON, where: Where = NEWEST) -> None:
-    """Let sensors fail, stick, or say something wrong. Example: volery fault sensor 2.distance bias=0.02 --for 2s."""
-    told = [word if "=" in word else f"{word}=true" for word in trouble]
-    where.inject({"sensor": sensors, **assign({}, told)[0]}, lasting)
+    """Make sensors fail, stick or err. Example: volery fault sensor 2.distance bias=0.02 --for 2s."""
+    fields = [word if "=" in word else f"{word}=true" for word in trouble]
+    where.inject({"sensor": sensors, **assign({}, fields)[0]}, lasting)
 
 
 @fault.command
 def clear(*faults: Names, where: Where = NEWEST) -> None:
-    """Undo faults."""
+    """Undo faults. Example: volery fault clear f1."""
     print_plain(where.swarm.clear(*faults))

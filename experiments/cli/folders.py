@@ -1,4 +1,4 @@
-"""Which run is meant: the path of a folder, a name in the folder of runs, or `last`."""
+"""Folders of runs and sweeps, by path, by name in the folder of runs, or `last`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAST = "last"
 
 
 def all_runs(runs: Path) -> list[Path]:
-    """The folders of runs, in the order in which the runs began."""
+    """The folders of runs, in the order of their start."""
     return sorted((mark.parent for mark in runs.glob(f"*/{SCENARIO_FILE}")), key=_began)
 
 
@@ -27,7 +27,7 @@ def find_run(run: str, runs: Path) -> Path:
     """The folder of a run.
 
     Raises:
-        BadInput: there is none.
+        BadInput: no such run.
     """
     present = all_runs(runs)
     if run == LAST and present:
@@ -45,15 +45,15 @@ def find_run(run: str, runs: Path) -> Path:
 
 
 def find_sweep(name: str, runs: Path) -> Path | None:
-    """The folder of a sweep of this name or path, None if it is none."""
+    """The folder of a sweep by name or path; None if there is no such sweep."""
     return next((folder for folder in (runs / name, Path(name)) if (folder / SWEEP_FILE).is_file()), None)
 
 
 def finished_run(run: str, runs: Path) -> Path:
-    """The folder of a run that is over.
+    """The folder of a run that has ended.
 
     Raises:
-        BadInput: there is none, or it still runs.
+        BadInput: no such run, or it is running.
     """
     folder = find_run(run, runs)
     if is_running(folder):
@@ -62,18 +62,18 @@ def finished_run(run: str, runs: Path) -> Path:
 
 
 def is_running(folder: Path) -> bool:
-    """Whether the process that runs it is alive."""
+    """Whether the process of a run is alive."""
     info = _info(folder)
     return info.get("status") == "running" and _is_alive(info["pid"])
 
 
 def run_of(pid: int, runs: Path) -> Path | None:
-    """The folder of the newest run of a process, if there is one."""
+    """The folder of the newest run of a process, or None."""
     return next((folder for folder in reversed(all_runs(runs)) if _info(folder).get("pid") == pid), None)
 
 
 def _info(folder: Path) -> dict[str, Any]:
-    """What run.json says; nothing where it is not there or damaged."""
+    """The content of run.json; empty if it is missing or damaged."""
     try:
         info: dict[str, Any] = json.loads((folder / INFO_FILE).read_text("utf-8"))
     except (OSError, ValueError):

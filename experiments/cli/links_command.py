@@ -1,4 +1,4 @@
-"""The command about the links of a scenario."""
+"""`volery links`: the resolved links of a scenario, and the presets."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .output import output, print_plain
 from .reading import read_scenario
 from .scenario_tables import link_tables, preset_table
 
-AsJson = Annotated[bool, Parameter("--json", help="Print JSON: the groups, or the presets, with every setting.")]
-Every = Annotated[bool, Parameter("--all", help="List each link on its own, instead of those that are alike together.")]
-Presets = Annotated[bool, Parameter(help="Show the presets instead, with the source of every number.")]
+AsJson = Annotated[bool, Parameter("--json", help="Print JSON: groups of links, or presets, with all settings.")]
+Every = Annotated[bool, Parameter("--all", help="List each link separately, instead of groups with the same settings.")]
+Presets = Annotated[bool, Parameter(help="Show presets of well-known hardware instead, with the sources of numbers.")]
 
 
 def links(
@@ -30,7 +30,7 @@ def links(
     presets: Presets = False,
     set_: Overrides = (),
 ) -> None:
-    """Show the links of a scenario as they are resolved: medium, airtime, queue, loss, latency, and their faults."""
+    """Show the links of a scenario: medium, airtime, queue, loss, latency, and their faults."""
     if presets:
         _show_presets(json_)
         return

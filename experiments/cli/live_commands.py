@@ -17,7 +17,7 @@ from .folders import all_runs, find_run, is_running
 from .output import output, print_plain
 from .progress_display import Progress
 
-AnySwarmName = Annotated[str | None, Parameter(help="A folder, its name in --runs, or last; without it, all that run.")]
+AnySwarmName = Annotated[str | None, Parameter(help="A run: its folder, its name in --runs, or last; by default all.")]
 _ASK_EVERY_S = 0.5
 _COLUMNS = ("run", "time", "alive", "frames", "lost", "discarded", "late", "disagreement", "in force")
 
@@ -86,6 +86,6 @@ def watch(run: SwarmName = None, *, runs: RunsFolder = RUNS) -> None:
 
 
 def stop(run: SwarmName = None, *, runs: RunsFolder = RUNS) -> None:
-    """End a running swarm early; what was recorded is kept and measured."""
+    """End a running swarm early; its record is kept and evaluated."""
     swarm = running_swarm(run, runs)
     print_plain(f"{swarm.folder}: {swarm.stop()}")

@@ -18,7 +18,7 @@ _CLOSES = "the sum of frames closes on every link"
 
 
 def metrics_tables(metrics: Metrics) -> list[Table]:
-    """Components, errors and recoveries of each quantity; frames, the links that lost most, and the verdict."""
+    """Components, errors and recoveries of each quantity; frames, the worst links, and the verdict."""
     tables = []
     if metrics.not_evaluated:
         tables.append(_table("Estimates", "", rows=[(metrics.not_evaluated,)]))
@@ -137,7 +137,7 @@ def _link_row(name: str, link: LinkMetrics) -> tuple[str, ...]:
 
 
 def _oldest(links: Mapping[str, LinkMetrics]) -> Table:
-    """The links whose receivers knew the oldest; those that never delivered anything are told of elsewhere."""
+    """The links with the oldest information, of those that delivered a frame."""
     known = [name for name, link in links.items() if not math.isnan(link.age.mean_ns)]
     oldest = sorted(known, key=lambda name: -links[name].age.mean_ns)[:_WORST_LINKS]
     ages = ((name, links[name].age) for name in oldest)

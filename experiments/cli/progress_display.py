@@ -27,11 +27,11 @@ _MINUTE, _HOUR = 60, 3600
 
 
 class Display:
-    """Shows how far some work is; it knows no clock, times are handed in.
+    """Shows the progress of some work; times are passed in.
 
     Args:
-        console: where to show it.
-        since_s: when the work began [s], on the clock of `due`; without it the very first state is shown too.
+        console: the console to draw on.
+        since_s: start of the work [s], on the clock of `due`; without it the first state is always shown.
     """
 
     def __init__(self, console: Console, since_s: float = -math.inf) -> None:
@@ -41,22 +41,22 @@ class Display:
         self._tenth = 0
 
     def __enter__(self) -> Self:
-        """Begin to show."""
+        """Start the display."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the terminal as it was."""
+        """Remove the display from the terminal."""
         if self._live is not None:
             self._live.stop()
 
     def due(self, share: float, now_s: float) -> bool:
-        """Whether to show what is so now: ten times a second in a terminal, elsewhere at each tenth and each minute.
+        """Whether to show the present state: ten times a second in a terminal, elsewhere at each tenth and each minute.
 
         Args:
-            share: of the work that is done, 0 to 1.
-            now_s: seconds that ascend; a minute counts from the last time that something was due.
+            share: fraction of the work that is done, 0 to 1.
+            now_s: present time [s]; a minute counts from the last update.
         """
         tenth, silent_s = int(_TENTHS * share), now_s - self._shown_s
         is_due = silent_s >= _REDRAW_S if self._live is not None else tenth > self._tenth or silent_s >= _SILENT_S
@@ -73,7 +73,7 @@ class Display:
 
 
 def bar(name: str, share: float, words: str) -> Table:
-    """Name, bar and words in a row."""
+    """Name, bar and text in a row."""
     row = Table.grid(padding=(0, 2))
     row.add_row(Text(name, style="bold"), ProgressBar(total=1.0, completed=share, width=_BAR), Text(words))
     return row
@@ -83,12 +83,12 @@ def bar(name: str, share: float, words: str) -> Table:
 
 
 class Progress(Display):
-    """Shows status after status, each as `Status.to_dict` gives it.
+    """Shows the states of a run, each as `Status.to_dict` gives it.
 
     Args:
-        console: where to show it.
-        name: of the run.
-        clock: seconds that ascend, for frames per second of the wall clock.
+        console: the console to draw on.
+        name: name of the run.
+        clock: wall clock [s], for frames per second.
     """
 
     def __init__(self, console: Console, name: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -99,7 +99,7 @@ class Progress(Display):
         self._seen = deque([(began_s, 0)])
 
     def show(self, status: Mapping[str, Any]) -> None:
-        """Show a status, unless one was shown just before."""
+        """Show a state, unless one was shown just before."""
         now_s, share = self._clock(), status["time_s"] / status["duration_s"]
         if not self.due(share, now_s):
             return
@@ -108,7 +108,7 @@ class Progress(Display):
         self.show_now(panel, f"{time_}: {facts}{_faults(status, '; ')}")
 
     def _rate(self, now_s: float, frames: int) -> float:
-        """Frames per second of the wall clock, of the last seconds."""
+        """Frames per second of the wall clock, over the last seconds."""
         while len(self._seen) > 1 and now_s - self._seen[1][0] > _RATE_OVER_S:
             self._seen.popleft()
         self._seen.append((now_s, frames))
@@ -142,32 +142,32 @@ def _faults(status: Mapping[str, Any], start: str = "") -> str:
 
 
 class SweepProgress(Display):
-    """Shows how far a sweep has come."""
+    """Shows the progress of a sweep."""
 
     def __init__(self, console: Console, name: str) -> None:
         super().__init__(console)
         self._name = name
 
     def show(self, advance: Advance) -> None:
-        """Show how far it is now, unless that was shown just before."""
+        """Show the progress, unless it was shown just before."""
         share = advance.finished / advance.total
         if self.due(share, advance.seconds):
-            said = words(advance)
-            self.show_now(bar(self._name, share, said), said)
+            text = words(advance)
+            self.show_now(bar(self._name, share, text), text)
 
 
 def run_shown(plan: SweepPlan, options: SweepOptions, console: Console) -> Sweep:
-    """Carry out a sweep as `run_sweep` does, and show how far it is."""
+    """Run a sweep as `run_sweep` does, and show its progress."""
     with SweepProgress(console, plan.name) as progress:
         return run_sweep(plan, options, watch=progress.show)
 
 
 def words(advance: Advance) -> str:
     """An advance as "412 of 1,000 runs, 11.3 runs/s, 52 s left"."""
-    said = f"{advance.finished:,} of {advance.total:,} runs"
+    text = f"{advance.finished:,} of {advance.total:,} runs"
     if advance.left_s is None or not advance.seconds or advance.finished == advance.total:
-        return said
-    return f"{said}, {advance.fresh / advance.seconds:.3g} runs/s, {duration(advance.left_s)} left"
+        return text
+    return f"{text}, {advance.fresh / advance.seconds:.3g} runs/s, {duration(advance.left_s)} left"
 
 
 def duration(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""A scenario as a command is given it."""
+"""Reading of a scenario by a command."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .output import print_note
 
 
 def read_scenario(source: str, overrides: Sequence[str]) -> LoadedScenario:
-    """The scenario and its plan; what of it is not in the plan is said.
+    """The scenario and its plan; prints notes on parts that are not in the plan.
 
     Raises:
         BadInput: as `load_scenario`.

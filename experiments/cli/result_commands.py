@@ -1,4 +1,4 @@
-"""Commands about runs that are over: metrics, plot, export, verify, recover."""
+"""Commands for runs that have ended: metrics, plot, export, verify, recover."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from .metric_tables import metrics_tables
 from .output import output, print_plain
 from .sweep_chart import NO_CHART, ChartOptions
 
-_THRESHOLD = "Error below which a run counts as converged, in the agents' units; by default twice its steady state."
+_THRESHOLD = "Error below which a run has converged, in the unit of the estimate; by default twice its steady state."
 More = Annotated[str, Parameter(help="Further runs.")]
-AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: name of the run's folder, its metrics.")]
+AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object: name of the run's folder → metrics.")]
 Threshold = Annotated[float | None, Parameter(help=_THRESHOLD)]
 _WHICH = f"Figures to draw, of a run {', '.join(FIGURES)}, of a sweep {', '.join(SWEEP_FIGURES)}; all by default."
 Which = Annotated[str, Parameter(help=_WHICH)]
-Formats = Annotated[tuple[str, ...], Parameter("--format", help="Such as png, pdf or svg; may be given several times.")]
-Quantity = Annotated[str | None, Parameter(help="Reported quantity to draw; the first by default.")]
-FiguresFolder = Annotated[Path | None, Parameter(help="Folder for the figures; by default `figures` in the run's.")]
-Csv = Annotated[bool, Parameter(help="As estimates.csv and frames.csv; texts such as names of agents in quotes.")]
-Parquet = Annotated[bool, Parameter(help="As estimates.parquet and frames.parquet.")]
-Npz = Annotated[bool, Parameter(help="As run.npz, for numpy.")]
-ExportFolder = Annotated[Path | None, Parameter(help="Folder for the files; by default `export` in the run's.")]
+Formats = Annotated[tuple[str, ...], Parameter("--format", help="File format, such as png, pdf or svg; repeatable.")]
+Quantity = Annotated[str | None, Parameter(help="Quantity to draw; by default the first reported one.")]
+FiguresFolder = Annotated[Path | None, Parameter(help="Folder for the figures; by default figures in the run's.")]
+Csv = Annotated[bool, Parameter(help="Write estimates.csv and frames.csv, with text in quotes.")]
+Parquet = Annotated[bool, Parameter(help="Write estimates.parquet and frames.parquet.")]
+Npz = Annotated[bool, Parameter(help="Write run.npz, for numpy.")]
+ExportFolder = Annotated[Path | None, Parameter(help="Folder for the files; by default export in the run's.")]
 
 
 def metrics(
@@ -47,7 +47,7 @@ def metrics(
     threshold: Threshold = None,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Compute and print the metrics of runs, and leave them in metrics.json."""
+    """Compute and print the metrics of runs, and write them to metrics.json."""
     folders = [finished_run(name, runs) for name in (run, *more)]
     found = {folder.resolve().name: write_metrics(load(folder), folder, threshold) for folder in folders}
     if json_:
@@ -127,5 +127,5 @@ def verify_run(run: RunName, /, *, runs: RunsFolder = RUNS) -> int:
 
 
 def recover_run(run: RunName, /, *, runs: RunsFolder = RUNS) -> None:
-    """Make a record readable that was cut off, as by kill -9 of the supervisor; the damaged file is kept."""
+    """Repair a record that was cut off, as by kill -9 of the supervisor; the damaged file is kept."""
     print_plain(str(recover(finished_run(run, runs))))

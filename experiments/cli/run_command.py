@@ -1,4 +1,4 @@
-"""`volery run`: a scenario to its metrics and figures, with a live display, or detached from the terminal."""
+"""`volery run`: runs a scenario with a live display, or in the background, and prints its metrics."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from .output import output, print_error, print_plain
 from .progress_display import Progress
 from .reading import read_scenario
 
-_STRICT = "End with exit code 3 if the machine could not keep up, or a link did otherwise than it was asked to."
+_STRICT = "Exit with code 3 if the machine could not keep up, or a link behaved otherwise than configured."
 Strict = Annotated[bool, Parameter(help=_STRICT)]
-Detach = Annotated[bool, Parameter(help="Go on in the background; the command returns when the swarm runs.")]
+Detach = Annotated[bool, Parameter(help="Run in the background; the command returns as soon as the swarm runs.")]
 FAILED, NOT_CERTIFIED = 1, 3
-_ENGINE = "One process an agent over Zenoh, or all of them in this one."
-_PACE = "By the wall clock, or as fast as the promises of the neighbours allow."
-_SPEED = "Seconds of the run in a second of the clock, in realtime pace."
-_NAME = "Name of the run's folder, instead of time and scenario."
-_LISTEN = "Endpoint of the hub; port 0 takes a free one."
+_ENGINE = "zenoh: one process an agent, over Zenoh; twin: all agents in this process, as fast as it can."
+_PACE = "realtime: by the wall clock; lockstep: as fast as the machine can, exact and repeatable. Of engine zenoh."
+_SPEED = "Nominal seconds per second of the wall clock, in realtime pace."
+_NAME = "Name of the run's folder; by default date, time and scenario."
+_LISTEN = "Endpoint of the Zenoh router; port 0 takes a free one."
 
 
 @Parameter(name="*")
@@ -44,7 +44,7 @@ class RunOptions(Options):
     runs: RunsFolder = RUNS
     name: Annotated[str | None, Parameter(help=_NAME)] = Options.name
     listen: Annotated[str, Parameter(help=_LISTEN)] = Options.listen
-    figures: Annotated[bool, Parameter(negative="--no-figures", help="Draw the figures at the end.")] = Options.figures
+    figures: Annotated[bool, Parameter(negative="--no-figures", help="Draw figures after the run.")] = Options.figures
 
 
 DEFAULT_OPTIONS = RunOptions()

@@ -1,4 +1,4 @@
-"""Commands about scenarios: list, show, new, validate."""
+"""Commands for scenarios: list, show, new, validate."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from .output import output, print_plain
 from .reading import read_scenario
 from .scenario_tables import validation_table
 
-Resolved = Annotated[bool, Parameter(help="With every default and override written out.")]
-NewName = Annotated[str, Parameter(help="Of the scenario; the file is NAME.yaml, and no file is overwritten.")]
+Resolved = Annotated[bool, Parameter(help="With all defaults and overrides.")]
+NewName = Annotated[str, Parameter(help="Name of the scenario; writes NAME.yaml, and overwrites no file.")]
 AsSchema = Annotated[bool, Parameter(help="Print the JSON Schema of scenario files instead, for editors.")]
 
 
 def list_scenarios() -> None:
-    """List the scenarios that come with volery."""
+    """List the built-in scenarios."""
     table = Table(title="Scenarios", title_justify="left")
     for column in ("name", "paper", "what it shows"):
         table.add_column(column, no_wrap=column == "name")
@@ -71,7 +71,7 @@ def new(name: NewName, /) -> None:
 
 
 def validate(scenario: ScenarioSource | None = None, /, *, set_: Overrides = (), schema: AsSchema = False) -> None:
-    """Check a scenario and say what it asks for: airtime utilisation of each medium, puts per second."""
+    """Check a scenario and show the load of its media: airtime utilisation, frames per second."""
     if schema:
         print_plain(json.dumps(json_schema(), indent=2, ensure_ascii=False))
         return

@@ -1,4 +1,4 @@
-"""The options of `volery plot` for the figures of a sweep."""
+"""Options of `volery plot` for the figures of a sweep."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ..sweeps.significance import check_measure, defined, main_measure
 from ..sweeps.sweep_figures import chart_of, plot_sweep
 from ..sweeps.sweep_results import load_sweep
 
-Measure = Annotated[str | None, Parameter(help="Of a sweep: what to draw; by default the error at the end.")]
-Across = Annotated[str | None, Parameter(help="Of a sweep: the key that runs from left to right.")]
-By = Annotated[str | None, Parameter(help="Of a sweep: the key that is told apart by colour.")]
-Confidence = Annotated[float, Parameter(help="Of the bands and bars of a sweep.")]
+Measure = Annotated[str | None, Parameter(help="Of a sweep: metric to draw; by default the error at the end.")]
+Across = Annotated[str | None, Parameter(help="Of a sweep: key on the horizontal axis.")]
+By = Annotated[str | None, Parameter(help="Of a sweep: key shown by colour.")]
+Confidence = Annotated[float, Parameter(help="Of a sweep: confidence level of bands and bars, 0 to 1.")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ChartOptions:
-    """What the figures of a sweep show."""
+    """Metric and keys of the figures of a sweep."""
 
     measure: Measure = None
     across: Across = None
@@ -31,10 +31,10 @@ class ChartOptions:
     confidence: Confidence = CONFIDENCE
 
     def draw(self, folder: Path, which: Sequence[str], out: Path | None, formats: Sequence[str]) -> list[Path]:
-        """Draw them; the paths of the files.
+        """Draw the figures; the paths of the files.
 
         Raises:
-            BadInput: no such figure, measure or key.
+            BadInput: no such figure, metric or key.
         """
         sweep = load_sweep(folder)
         known = defined(sweep)

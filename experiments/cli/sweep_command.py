@@ -1,4 +1,4 @@
-"""`volery sweep`: a scenario over ranges of its fields, many times each, on all cores or a Dask cluster."""
+"""`volery sweep`: a scenario over ranges of its fields, several times each, on all cores or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _OVER = (
     "KEY=RANGE, e.g. links.loss.bernoulli=0:0.8:0.1, agents.rounds=1,3,5, 'links.latency=log(1 ms, 100 ms, 5)'; may be "
     "given several times, all combinations are run."
 )
-_RANDOM = "So many random combinations instead; ranges may then have no step: 0:0.8, log(1 ms, 100 ms)."
-_REPEAT = "Runs of each combination, with the scenario's seed and those that follow it."
-_ENGINE = "All agents in one process, or one process an agent over Zenoh."
-_PACE = "Over Zenoh sweeps are run in lockstep pace: as fast as they can, and exact."
-_NAME = "Name of the sweep's folder, instead of one that follows from what is swept."
-_WORKERS = "Processes at once; by default one a core, over Zenoh one."
-_SCHEDULER = "Address of a Dask scheduler whose workers do the work, e.g. tcp://10.0.0.1:8786."
+_RANDOM = "Number of random combinations instead of all; ranges then need no step: 0:0.8, log(1 ms, 100 ms)."
+_REPEAT = "Runs of each combination, with the scenario's seed and the following ones."
+_ENGINE = "twin: all agents in one process; zenoh: one process an agent."
+_PACE = "Of engine zenoh: sweeps run in lockstep pace, as fast as the machine can, and exact."
+_NAME = "Name of the sweep's folder; by default the scenario and a hash of what is swept."
+_WORKERS = "Number of parallel processes; by default one a core, and one with engine zenoh."
+_SCHEDULER = "Address of a Dask scheduler whose workers run the sweep, e.g. tcp://10.0.0.1:8786."
 Over = Annotated[tuple[str, ...], Parameter("--over", help=_OVER)]
 Random = Annotated[int | None, Parameter(help=_RANDOM)]
 Pace = Annotated[Literal["lockstep"] | None, Parameter(help=_PACE)]
@@ -48,8 +48,8 @@ class SweepCommandOptions(SweepOptions):
     name: Annotated[str | None, Parameter(help=_NAME)] = None
     workers: Annotated[int | None, Parameter(help=_WORKERS)] = None
     scheduler: Annotated[str | None, Parameter(help=_SCHEDULER)] = None
-    keep: Annotated[bool, Parameter(help="Keep the folder of each run, in `runs` in the sweep's.")] = False
-    fresh: Annotated[bool, Parameter(help="Drop the results that are there, and begin anew.")] = False
+    keep: Annotated[bool, Parameter(help="Keep the folder of each run, in runs in the folder of the sweep.")] = False
+    fresh: Annotated[bool, Parameter(help="Discard existing results and start again.")] = False
 
 
 DEFAULT_OPTIONS = SweepCommandOptions()
@@ -65,9 +65,9 @@ def sweep(
     pace: Pace = None,
     options: SweepCommandOptions = DEFAULT_OPTIONS,
 ) -> int:
-    """Run a scenario over ranges of its fields, and print who does best.
+    """Run a scenario over ranges of its fields, and print the comparison.
 
-    The same command goes on where an interrupted sweep was, and adds repetitions to a finished one.
+    The same command continues an interrupted sweep, and adds repetitions to a finished one.
     """
     if pace is not None and options.engine == "twin":
         raise BadInput("--pace is for swarms over Zenoh: add --engine zenoh, or leave it out")

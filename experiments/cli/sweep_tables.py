@@ -1,4 +1,4 @@
-"""Contests as tables for the terminal, and as plain values."""
+"""Comparisons as tables for the terminal, and as plain data."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NOTHING = "–"
 
 
 def contest_table(title: str, contests: Sequence[Contest], confidence: float) -> Table:
-    """One row a contestant, the best of each setting first, settings one below the other."""
+    """A table with one row a contestant, the best of each setting first."""
     table = Table(title=title, title_justify="left", caption_justify="left")
     for axis in short_names(list(contests[0].where) if contests else []):
         table.add_column(axis, overflow="fold")
@@ -44,7 +44,7 @@ def contest_table(title: str, contests: Sequence[Contest], confidence: float) ->
 
 
 def short_names(keys: Sequence[str]) -> list[str]:
-    """The last parts of dotted keys, where these tell them apart."""
+    """The last parts of dotted keys, if they are unique."""
     last = [key.rpartition(".")[2] for key in keys]
     return [short if last.count(short) == 1 else key for short, key in zip(last, keys, strict=True)]
 
@@ -73,12 +73,12 @@ def percent(part: float) -> str:
 
 
 def half_width(one: Interval) -> str:
-    """How far an interval reaches to either side of its mean."""
+    """Half the width of an interval."""
     return _NOTHING if math.isnan(one.low) else f"{(one.high - one.low) / 2:.2g}"
 
 
 def _ranges(numbers: Sequence[int]) -> Iterator[str]:
-    """Ascending numbers, those in a row together: 2–4, 7."""
+    """Ascending numbers, with consecutive ones joined: 2–4, 7."""
     start = 0
     for place in range(1, len(numbers) + 1):
         if place == len(numbers) or numbers[place] != numbers[place - 1] + 1:
@@ -88,7 +88,7 @@ def _ranges(numbers: Sequence[int]) -> Iterator[str]:
 
 
 def notes(sweeps: Sequence[Sweep]) -> Iterator[str]:
-    """What a reader of the table must know of the sweeps."""
+    """Notes on sweeps for readers of the table."""
     for sweep in sweeps:
         if sweep.missing:
             yield f"{sweep.folder}: {len(sweep.rows)} of {len(sweep.rows) + sweep.missing} runs are finished"
@@ -100,7 +100,7 @@ def notes(sweeps: Sequence[Sweep]) -> Iterator[str]:
 
 
 def too_few_seeds(contests: Sequence[Contest]) -> Iterator[str]:
-    """What to say where no difference, however clear, could be significant."""
+    """A note if there are too few seeds for any difference to be significant."""
     few = [needed for contest in contests if (needed := _needed(contest)) > _most(contest)]
     if few:
         where = "" if len(few) == len(contests) else f" in {len(few)} of {len(contests)} settings"
@@ -117,7 +117,7 @@ def _most(contest: Contest) -> int:
 
 
 def to_plain(contests: Sequence[Contest]) -> list[dict[str, Any]]:
-    """Contests as plain values for JSON, None for what is not known."""
+    """Contests as plain data for JSON, None for unknown numbers."""
     return [
         {"where": dict(contest.where), "standings": [_plain(one, contest) for one in contest.standings]}
         for contest in contests

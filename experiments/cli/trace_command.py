@@ -1,4 +1,4 @@
-"""`volery trace`: the journal of a run, line by line."""
+"""`volery trace`: the fates of frames of a run, line by line."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from .folders import finished_run
 from .output import print_lines, print_note
 from .window import WHOLE, SpanOptions, known
 
-_LINK = "Only these links: 3-7 both directions, 3>7 one (quote it); several with commas."
-_AGENT = "Only what these agents send, receive or suffer; several with commas."
-_FATE = f"Only frames that became this, several with commas: {', '.join(SELECTABLE)} for any loss."
+_LINK = "Only these links, separated by commas: 3-7 (both directions), '3>7' (one)."
+_AGENT = "Only frames, faults and deaths of these agents, separated by commas."
+_FATE = f"Only frames with these fates, separated by commas: {', '.join(SELECTABLE)} (any loss)."
 Links = Annotated[tuple[str, ...], Parameter("--link", help=_LINK)]
 Agents = Annotated[tuple[str, ...], Parameter("--agent", help=_AGENT)]
 Fates = Annotated[tuple[str, ...], Parameter("--fate", help=_FATE)]
-Limit = Annotated[int | None, Parameter("--limit", help="At most so many lines, from the beginning.")]
-AsJson = Annotated[bool, Parameter("--json", help="A JSON object a line, times in nanoseconds.")]
+Limit = Annotated[int | None, Parameter("--limit", help="Largest number of lines, from the beginning.")]
+AsJson = Annotated[bool, Parameter("--json", help="Print one JSON object a line, with times in nanoseconds.")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Filters:
-    """Which lines are wanted."""
+    """The lines to print."""
 
     link: Links = ()
     agent: Agents = ()
     fate: Fates = ()
 
     def select(self, record: Record, span: SpanOptions) -> Selection:
-        """The selection that they stand for in a run.
+        """The selection of frames of a run.
 
         Raises:
             BadInput: a link, agent or fate that does not exist, or a span that does not fit.
@@ -65,7 +65,7 @@ def trace_run(
     json_: AsJson = False,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Print what became of the frames of a run, a line each in the order of time, with faults and deaths in between."""
+    """Print the fates of the frames of a run in the order of time, with faults and deaths in between."""
     if limit is not None and limit < 1:
         raise BadInput(f"--limit {limit}: at least one line must be wanted")
     record = load(finished_run(run, runs))

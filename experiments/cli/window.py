@@ -1,4 +1,4 @@
-"""Which part of a run is meant on the command line: a span of time, and agents."""
+"""Options for a part of a run: a span of time, and names."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ...names import did_you_mean
 from ...units import parse, quantity
 from ..record.record import Record
 
-From = Annotated[str | None, Parameter("--from", help="Instant to begin at, e.g. 2s.")]
-Until = Annotated[str | None, Parameter("--until", help="Instant to end before, e.g. 3s.")]
+From = Annotated[str | None, Parameter("--from", help="Start of the window, e.g. 2s.")]
+Until = Annotated[str | None, Parameter("--until", help="End of the window, e.g. 3s (excluded).")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class SpanOptions:
-    """A span of nominal time, from the beginning and to the end unless it says otherwise."""
+    """A span of nominal time, by default the whole run."""
 
     from_: From = None
     until: Until = None
 
     def bounds(self, record: Record) -> tuple[int | None, int | None]:
-        """The span in nanoseconds, None where it is not given.
+        """The bounds of the span [ns], None where not given.
 
         Raises:
-            BadInput: not an instant, after the end of the run, or the two in the wrong order.
+            BadInput: not an instant, after the end of the run, or the end before the start.
         """
         from_ns = None if self.from_ is None else instant("--from", self.from_)
         until_ns = None if self.until is None else instant("--until", self.until)
@@ -44,10 +44,10 @@ WHOLE = SpanOptions()
 
 
 def instant(option: str, text: str) -> int:
-    """An instant of the run in nanoseconds, from the text of an option.
+    """The instant of an option's text [ns].
 
     Raises:
-        BadInput: not a time with a unit; the message has the option.
+        BadInput: not a time with a unit; the message names the option.
     """
     try:
         return int(parse(text, "ns"))
@@ -56,15 +56,15 @@ def instant(option: str, text: str) -> int:
 
 
 def listed(words: Iterable[str]) -> list[str]:
-    """The words of an option that may be given several times, each a list with commas."""
+    """The words of a repeatable option, each a list separated by commas."""
     return [part.strip() for word in words for part in word.split(",") if part.strip()]
 
 
 def known(option: str, words: Sequence[str], names: Iterable[str]) -> list[str]:
-    """The words of an option, each of which must be one of the names.
+    """The words of an option, checked to be among the names.
 
     Raises:
-        BadInput: one is not; the message has the nearest name.
+        BadInput: an unknown word; the message has the nearest name.
     """
     there = list(names)
     found = listed(words)

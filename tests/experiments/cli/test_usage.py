@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from volery.experiments.cli.app import app
 
 from .conftest import Volery
 
@@ -39,6 +43,16 @@ def test_every_command_has_help(volery: Volery, words: list[str]) -> None:
     usage, _, purpose = said.out.splitlines()[:3]
     assert usage.startswith(f"Usage: volery {' '.join(words)}")
     assert purpose.strip()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_in_the_help_are_valid(volery: Volery, name: str) -> None:
+    """Each example of a command, or of a fault, is a command line that volery can read."""
+    shown = volery(name, "--help").out
+    lines = re.findall(r"^ *(volery .*)$", shown, re.MULTILINE) + re.findall(r"Example: (volery .*?)\. *│", shown)
+    assert lines or name in ("list", "watch")
+    for line in lines:
+        app.parse_args(shlex.split(line.partition(">")[0])[1:], exit_on_error=False, print_error=False)
 
 
 def test_help_loads_nothing_heavy() -> None:
