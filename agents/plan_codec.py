@@ -54,6 +54,10 @@ class Opaque:
     name: str
     fields: Mapping[str, Any]
 
+    def __hash__(self) -> int:
+        """As equality, but for the fields, which may be anything."""
+        return hash(self.name)
+
 
 def encode_plan(plan: Plan, store: Store | None = None) -> str:
     """The JSON text of a plan.

@@ -16,7 +16,8 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.process import Pace
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.swarm.supervisor import Ending, Swarm
-from volery.transport.latency_settings import Constant, Latency, Normal
+from volery.transport.latency_settings import Constant, Normal
+from volery.transport.link_models import Latency
 from volery.transport.links import DELIVERED, LinkSettings
 from volery.transport.loss_settings import GilbertElliott
 from volery.transport.media_settings import HalfDuplex, Tdma

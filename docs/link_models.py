@@ -13,9 +13,8 @@ from space_time import MS, WIDTH_IN, counts, frames, legend, settings_of, simula
 
 from volery.experiments.figures.run_figures import BLACK, BLUE, SKY, VERMILION
 from volery.transport.directed_link import DirectedLink
-from volery.transport.latency_settings import Latency
 from volery.transport.latency_stages import latency_stage
-from volery.transport.loss_settings import Loss
+from volery.transport.link_models import Latency, Loss
 from volery.transport.loss_stages import loss_stage
 
 # -- loss ---------------------------------------------------------------------------------------------------------
@@ -177,7 +176,7 @@ def corruption(figure: Figure) -> Iterator[str]:
 def delays(model: Latency, count: int) -> list[float]:
     """Latencies of so many frames on one link [ms]."""
     stage = latency_stage(model, DirectedLink.of(1, "1", "2"))
-    return [stage(index, index * 10_000_000) / MS for index in range(count)]
+    return [stage(index, 0, 0, index * 10_000_000) / MS for index in range(count)]
 
 
 def latency(figure: Figure) -> Iterator[str]:

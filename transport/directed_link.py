@@ -36,7 +36,7 @@ class _SlotBySlot:
 
 @dataclass(frozen=True)
 class DirectedLink:
-    """Inputs of the stages of one directed link.
+    """Inputs of the stages of the link from `source` to `target`.
 
     `stream(purpose)`: stream of this direction and this incarnation of the source, indexed by the frame's sequence
     number; with `slots`, of this direction only and indexed by the time slot, see `by_slots`.
@@ -45,6 +45,8 @@ class DirectedLink:
     `distance_m(time_ns)`: distance of the two ends in metres at a nominal instant.
     """
 
+    source: str
+    target: str
     stream: StreamOf
     channel: StreamOf
     path: StreamOf
@@ -64,12 +66,11 @@ class DirectedLink:
 
     def within(self, name: str) -> DirectedLink:
         """The same link with separate streams, for another stage with the same models."""
-        return DirectedLink(
-            lambda purpose: self.stream(f"{name}-{purpose}"),
-            lambda purpose: self.channel(f"{name}-{purpose}"),
-            lambda purpose: self.path(f"{name}-{purpose}"),
-            self.distance_m,
-            self.slots,
+        return replace(
+            self,
+            stream=lambda purpose: self.stream(f"{name}-{purpose}"),
+            channel=lambda purpose: self.channel(f"{name}-{purpose}"),
+            path=lambda purpose: self.path(f"{name}-{purpose}"),
         )
 
     @classmethod
@@ -79,6 +80,8 @@ class DirectedLink:
         """The inputs of the link source → target."""
         ends = sorted((source, target))
         return cls(
+            source,
+            target,
             lambda purpose: stream(seed, purpose, source, target, str(incarnation)),
             lambda purpose: stream(seed, purpose, source, target),
             lambda purpose: stream(seed, purpose, *ends, "path"),

@@ -7,7 +7,6 @@ for a normal distribution is its mean − 3 sd. `latency_stages` draws from them
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import exp, inf, log, log1p, sqrt
@@ -17,6 +16,7 @@ from typing import Annotated
 from ..errors import BadInput
 from ..kinds import Kinds
 from ..units import Bounds, Duration, Period
+from .link_models import Latency, LatencyModel
 from .traces import Steps
 
 Correlation = Annotated[float, Bounds(above=-1.0, below=1.0)]
@@ -33,30 +33,6 @@ def check_latency(name: str, value_ns: int) -> None:
     """
     if value_ns < 0:
         raise BadInput(f"{name} is {value_ns} ns, a latency is at least 0")
-
-
-@dataclass(frozen=True)
-class Latency(ABC):
-    """Base of all latency models."""
-
-    @property
-    @abstractmethod
-    def minimum_ns(self) -> int:
-        """Smallest latency, at which a distribution is truncated."""
-
-    @property
-    @abstractmethod
-    def mean_ns(self) -> float:
-        """Long-run mean of the latency; of a distribution, after truncation."""
-
-    @property
-    def variance_inflation(self) -> float:
-        """Upper bound of the long-run variance of the mean, relative to that of independent latencies."""
-        return 1.0
-
-    def expected_ns(self, _end_ns: int) -> float:
-        """Mean latency of frames whose airtime ends at an instant."""
-        return self.mean_ns
 
 
 @dataclass(frozen=True)
@@ -347,4 +323,6 @@ LATENCIES = Kinds(
         "trace": LatencyTrace,
     },
     scalar="constant",
+    entry_points="volery.latencies",
+    base=LatencyModel,
 )

@@ -14,24 +14,25 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ..errors import RunFailed
 from .directed_link import DirectedLink
 from .latency_settings import (
     STANDARD_NORMAL,
     Constant,
     Distribution,
     Gamma,
-    Latency,
     LatencyTrace,
     LogNormal,
     Normal,
     Pareto,
     Uniform,
 )
+from .link_models import Latency, LatencyModel, SentFrame, naming, own_name
 
 _BELOW_ONE = math.nextafter(1.0, 0.0)
 _ROOT_HALF = math.sqrt(0.5)
-LatencyStage = Callable[[int, int], int]
-"""(index as of a loss stage, end of the airtime in nanoseconds) → latency in nanoseconds; called in order."""
+LatencyStage = Callable[[int, int, int, int], int]
+"""(index, start [ns] and bits as of a loss stage, end of the airtime [ns]) → latency [ns]; called in order."""
 _Quantile = Callable[[float], float]
 """v in (0, 1) → the latency [ns] that is exceeded with probability v."""
 
@@ -39,14 +40,32 @@ _Quantile = Callable[[float], float]
 def latency_stage(model: Latency, link: DirectedLink) -> LatencyStage:
     """The function of a model on one link."""
     if isinstance(model, Constant):
-        return lambda _index, _end_ns: model.value
+        return lambda _index, _start_ns, _bits, _end_ns: model.value
     if isinstance(model, LatencyTrace):
         at = model.steps.at
-        return lambda _index, end_ns: at(end_ns)
+        return lambda _index, _start_ns, _bits, end_ns: at(end_ns)
+    if isinstance(model, LatencyModel):
+        return _own_stage(model, link)
     assert isinstance(model, Distribution)
     minimum, quantile = model.minimum_ns, _QUANTILES[type(model)](model)
     upper_tail = _upper_tails(model.correlation, link)
-    return lambda index, _end_ns: max(minimum, int(quantile(upper_tail(index))))
+    return lambda index, _start_ns, _bits, _end_ns: max(minimum, int(quantile(upper_tail(index))))
+
+
+def _own_stage(model: LatencyModel, link: DirectedLink) -> LatencyStage:
+    """A model of a user's own, held to its minimum, on which other agents' promises rest."""
+    name, own, minimum = own_name(model, link), link.within("own"), model.minimum_ns
+    with naming(name):
+        latency_ns = model.begin(own)
+
+    def checked(index: int, start_ns: int, bits: int, _end_ns: int) -> int:
+        with naming(name):
+            found = float(latency_ns(SentFrame(own, index, start_ns, bits)))
+        if not minimum <= found < math.inf:
+            raise RunFailed(f"{name}: the latency of frame {index} is {found:.15g} ns, and minimum_ns is {minimum} ns")
+        return int(found)
+
+    return checked
 
 
 def _upper_tails(correlation: float, link: DirectedLink) -> Callable[[int], float]:

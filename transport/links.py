@@ -9,11 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from math import isnan
 from typing import Annotated, Literal
 
 from ..errors import BadInput
 from ..units import BitsPerSecond, Bounds, Bytes, Count, Period, Probability
-from .latency_settings import LATENCIES, Constant, Latency
+from .latency_settings import LATENCIES, Constant
+from .link_models import Latency, LatencyModel, LossModel
 from .loss_settings import Losses, check_probability
 from .media_settings import MEDIA, FullDuplex, Medium
 
@@ -127,6 +129,10 @@ class LinkSettings:
         if self.paired is not None and self.paired < SHORTEST_SLOT_NS:
             raise BadInput(f"paired is {self.paired} ns, a slot of a paired channel lasts at least 100 us")
 
+        for model in (*self.loss, *self.corruption, self.latency):
+            if isinstance(model, LossModel | LatencyModel):
+                model.check()
+
     def draw_index(self, sequence: int, start_ns: int) -> int:
         """Index of a frame's draws: its sequence number, or with `paired` the time slot in which it starts."""
         return sequence if self.paired is None else start_ns // self.paired
@@ -138,6 +144,11 @@ class LinkSettings:
     def airtime_ns(self, payload_bytes: int) -> int:
         """Time on the air of a frame: its bits / rate, rounded up; 0 without a rate."""
         return 0 if self.rate is None else duration_ns(self.bits(payload_bytes), self.rate)
+
+    def typical_latency_ns(self) -> int:
+        """Mean latency, or the smallest one if the model does not know its mean."""
+        mean_ns = self.latency.mean_ns
+        return self.latency.minimum_ns if isnan(mean_ns) else int(mean_ns)
 
     def lookahead_ns(self) -> int:
         """Shortest time from start to due: airtime of an empty payload plus minimum latency."""

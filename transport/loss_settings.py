@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import exp, expm1, inf, isfinite, isnan, log1p, log10, nan, tanh
-from typing import Annotated, NamedTuple
+from math import exp, expm1, inf, isfinite, isnan, log1p, log10, tanh
+from typing import Annotated
 
 from ..errors import BadInput
 from ..kinds import Kinds
@@ -26,6 +26,7 @@ from ..units import (
     Probability,
     check_fields_above_zero,
 )
+from .link_models import Loss, LossModel, Memory
 from .traces import Steps
 
 SHORTEST_MEAN_NS = 100_000
@@ -49,32 +50,6 @@ def check_mean(name: str, mean_ns: int) -> None:
     """
     if mean_ns < SHORTEST_MEAN_NS:
         raise BadInput(f"{name} is {mean_ns} ns, it must be at least 100 us: what changes faster is bernoulli")
-
-
-class Memory(NamedTuple):
-    """Covariance of two losses that are k frames and Δt between starts apart: c·rᵏ·exp(−λ·Δt).
-
-    `covariance` c, `per_frame` r, `rate` λ [1/ns].
-    """
-
-    covariance: float = 0.0
-    per_frame: float = 1.0
-    rate: float = 0.0
-
-
-@dataclass(frozen=True)
-class Loss:
-    """Base of all loss models."""
-
-    @property
-    def mean(self) -> float:
-        """Long-run fraction of frames lost; NaN if it depends on their length or on the positions of the ends."""
-        return nan
-
-    @property
-    def memory(self) -> Memory:
-        """Covariance of the losses of two frames, about their expected values; none of separate draws."""
-        return Memory()
 
 
 @dataclass(frozen=True)
@@ -374,6 +349,8 @@ LOSSES = Kinds(
         "frames": Frames,
     },
     scalar="bernoulli",
+    entry_points="volery.losses",
+    base=LossModel,
 )
 Losses = Annotated[tuple[Annotated[Loss, LOSSES], ...], OneOrMany(none="none")]
 """Loss models of a link, any of which may lose a frame."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import prod
+from math import isnan, nan, prod
 from typing import Any, Protocol
 
+from ..errors import RunFailed
 from .directed_link import DirectedLink
+from .link_models import Loss, LossModel, SentFrame, naming, own_name
 from .loss_settings import (
     Bernoulli,
     BitError,
@@ -15,7 +17,6 @@ from .loss_settings import (
     Frames,
     GilbertElliott,
     GilbertElliottTime,
-    Loss,
     LossTrace,
     Markov,
 )
@@ -205,6 +206,37 @@ class _DistanceStage:
         return model.loss_at(self._distance_m(start_ns), shadowing)
 
 
+class _OwnStage:
+    """A model of a user's own, with random streams apart from the one that decides."""
+
+    __slots__ = ("_draws", "_link", "_model", "_name", "_probability")
+
+    def __init__(self, model: LossModel, link: DirectedLink) -> None:
+        self._model = model
+        self._draws = link.stream("loss")
+        self._link = link.within("own")
+        self._name = own_name(model, link)
+        with naming(self._name):
+            self._probability = model.begin(self._link)
+
+    def lost(self, index: int, start_ns: int, bits: int) -> bool:
+        frame = SentFrame(self._link, index, start_ns, bits)
+        return self._draws.uniform(index) < self._checked(self._probability, frame)
+
+    def expected(self, index: int, start_ns: int, bits: int) -> float:
+        """The model's long-run mean, else what it says of this frame alone; NaN where it has a state and no mean."""
+        if self._model.keeps_state or not isnan(self._model.mean):
+            return nan if isnan(self._model.memory.per_frame) else self._model.mean
+        return self._checked(self._model.probability, SentFrame(self._link, index, start_ns, bits))
+
+    def _checked(self, probability: Callable[[SentFrame], float], frame: SentFrame) -> float:
+        with naming(self._name):
+            found = float(probability(frame))
+        if not 0.0 <= found <= 1.0:
+            raise RunFailed(f"{self._name}: the probability of frame {frame.index} is {found:g}, and not from 0 to 1")
+        return found
+
+
 _STAGES: Mapping[type[Loss], Callable[[Any, DirectedLink], LossStage]] = {
     Bernoulli: _bernoulli_stage,
     GilbertElliott: _GilbertElliottStage,
@@ -219,7 +251,7 @@ _STAGES: Mapping[type[Loss], Callable[[Any, DirectedLink], LossStage]] = {
 
 def loss_stage(model: Loss, link: DirectedLink) -> LossStage:
     """The state machine of a model on one link."""
-    return _STAGES[type(model)](model, link)
+    return _STAGES.get(type(model), _OwnStage)(model, link)
 
 
 def loss_stages(models: Sequence[Loss], link: DirectedLink, what: str = "") -> list[LossStage]:

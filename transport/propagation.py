@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .directed_link import DirectedLink
-from .latency_settings import Latency
 from .latency_stages import LatencyStage, latency_stage
+from .link_models import Latency
 from .links import CORRUPT, CUT, DELIVERED, LOST, SHORTEST_TRAVEL_NS, LinkSettings
 from .loss_stages import loss_stages
 
@@ -89,13 +89,13 @@ class Propagation:
             corrupt |= stage.lost(index, start_ns, bits)
         cut = settings.cut or not settings.present
         verdict = CUT if cut else LOST if lost else CORRUPT if corrupt else DELIVERED
-        copies = [Copy(self.target, sequence, 0, self._due(0, index, start_ns, end_ns), verdict)]
+        copies = [Copy(self.target, sequence, 0, self._due(0, index, start_ns, bits, end_ns), verdict)]
         if settings.duplication and self._duplicates.uniform(index) < settings.duplication and verdict == DELIVERED:
-            copies.append(Copy(self.target, sequence, 1, self._due(1, index, start_ns, end_ns), verdict))
+            copies.append(Copy(self.target, sequence, 1, self._due(1, index, start_ns, bits, end_ns), verdict))
         return copies
 
-    def _due(self, copy: int, index: int, start_ns: int, end_ns: int) -> int:
-        due = max(end_ns + self._latencies[copy](index, end_ns), start_ns + SHORTEST_TRAVEL_NS)
+    def _due(self, copy: int, index: int, start_ns: int, bits: int, end_ns: int) -> int:
+        due = max(end_ns + self._latencies[copy](index, start_ns, bits, end_ns), start_ns + SHORTEST_TRAVEL_NS)
         if not self.settings.reordering:
             due = max(due, self._last_due)
         self._last_due = max(due, self._last_due)

@@ -102,7 +102,7 @@ def _late(plan: Plan) -> Iterator[str]:
         for other in partners(plan, unit.name):
             settings = plan.links[unit.name, other]
             airtime_ns = settings.airtime_ns(parameters.largest_payload)
-            after_ns = parameters.spread_ns() + unit.compute_ns + airtime_ns + int(settings.latency.mean_ns)
+            after_ns = parameters.spread_ns() + unit.compute_ns + airtime_ns + settings.typical_latency_ns()
             if after_ns >= limit_ns:
                 yield (
                     f"a frame of mean latency from {unit.name} to {other} comes up to {after_ns / 1e6:.3f} ms after "

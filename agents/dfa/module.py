@@ -227,6 +227,6 @@ def _behind(plan: Plan, parameters: DfaParameters, compute_ns: int, settings: Li
             start_ns = ready_ns
             if not isinstance(settings.medium, FullDuplex):
                 start_ns = earliest_start(settings.medium.access, ready_ns, airtime_ns, int(second), EDGE_SLOTS)
-            due_ns = start_ns + airtime_ns + int(settings.latency.mean_ns)
+            due_ns = start_ns + airtime_ns + settings.typical_latency_ns()
             latest = max(latest, due_ns - period_ns(parameters.round_rate, number + 1))
     return latest

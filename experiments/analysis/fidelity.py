@@ -21,7 +21,7 @@ _IN_WORDS = {
     "within": "within the bounds",
     "outside": "outside the bounds",
     "too few": "with too few frames to tell",
-    "not comparable": "not comparable, as order was kept",
+    "not comparable": "not comparable, as order was kept or a model does not say what to expect",
 }
 
 

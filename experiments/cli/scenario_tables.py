@@ -13,7 +13,8 @@ from ...agents.plan import Plan
 from ...names import first_of
 from ...topologies import natural_key
 from ...transport.latency_settings import LATENCIES
-from ...transport.loss_settings import LOSSES, Loss
+from ...transport.link_models import Loss
+from ...transport.loss_settings import LOSSES
 from ...transport.media_settings import ACCESSES, FullDuplex
 from ...units import quantity
 from ..scenario.dumping import settings as plain_settings
@@ -99,13 +100,17 @@ def _models(models: Sequence[Loss]) -> str:
     return "\n".join(f"{_model(model)}, mean {_percent(model.mean)}" for model in models)
 
 
+def _milliseconds(mean_ns: float) -> str:
+    return "varies" if math.isnan(mean_ns) else f"{mean_ns / 1e6:.4g} ms"
+
+
 def _percent(mean: float) -> str:
     return "varies" if math.isnan(mean) else f"{100 * mean:.3g} %"
 
 
 def _latency(group: LinkGroup) -> str:
     latency = group.settings.latency
-    least, mean = f"{latency.minimum_ns / 1e6:.4g} ms", f"{latency.mean_ns / 1e6:.4g} ms"
+    least, mean = f"{latency.minimum_ns / 1e6:.4g} ms", _milliseconds(latency.mean_ns)
     return _model(latency) if least == mean else f"{_model(latency)}; shortest {least}, mean {mean}"
 
 
@@ -152,8 +157,8 @@ _ROWS: tuple[tuple[str, Callable[[LinkGroup], str]], ...] = (
 
 def _model(model: Any) -> str:
     """A model as one line: its name and the fields that are not defaults."""
-    kinds = next(kinds for kinds in (LOSSES, LATENCIES, ACCESSES) if type(model) in kinds.classes())
-    name, body = kinds.name_of(type(model)), plain_settings(model)
+    names = {cls: name for kinds in (LOSSES, LATENCIES, ACCESSES) for name, cls in kinds.built_in.items()}
+    name, body = names.get(type(model)) or model.import_string, plain_settings(model)
     own = [field for field in fields(model) if field.default is MISSING or getattr(model, field.name) != field.default]
     words = [_value(body[field.name]) for field in own]
     if len(own) > 1 or any(field is not fields(model)[0] for field in own):

@@ -13,7 +13,9 @@ from statistics import NormalDist
 from typing import Literal
 
 Decision = Literal["within", "outside", "too few", "not comparable", "nothing"]
-"""`too few` to tell, `not comparable` because something else changes it by rights, `nothing` to compare."""
+"""`too few` to tell, `not comparable` because something else changes it by rights or a model does not say what to
+expect, `nothing` to compare.
+"""
 FALSE_ALARM = 1e-3
 """Probability that a sound run has any comparison outside its bounds, at most."""
 _SINGLE_SHARE = 0.05
@@ -77,7 +79,7 @@ def compare_fraction(expected: Sequence[float], happened: int, variance: float, 
     Too few to tell: a link on which it always happens, or never, would be within the bounds.
 
     Args:
-        expected: the probability of each of N events.
+        expected: the probability of each of N events; NaN where it is not known.
         happened: how many happened.
         variance: long-run variance of their number, dependence included.
         alpha: probability of a false alarm.
@@ -86,6 +88,8 @@ def compare_fraction(expected: Sequence[float], happened: int, variance: float, 
     if not count:
         return NOTHING
     mean, got = math.fsum(expected) / count, happened / count
+    if math.isnan(mean):
+        return Comparison(count, mean, got, decision="not comparable")
     if variance <= 0:
         exact = round(mean * count) == happened
         return Comparison(count, mean, got, mean, mean, "within" if exact else "outside")
@@ -132,7 +136,7 @@ def compare_mean(
     Args:
         asked: expectation of each value.
         got: the values.
-        inflation: long-run variance of their mean relative to that of independent values.
+        inflation: long-run variance of their mean relative to that of independent values; NaN if it is not known.
         alpha: probability of a false alarm.
         rounding: difference that rounding explains, and the greatest one where nothing is random.
         least: what no mean can be below, which the bound of a skewed law may be.
@@ -141,6 +145,8 @@ def compare_mean(
     if not count:
         return NOTHING
     mean_asked, mean_got = math.fsum(asked) / count, math.fsum(got) / count
+    if math.isnan(mean_asked) or math.isnan(inflation):
+        return Comparison(count, mean_asked, mean_got, decision="not comparable")
     deviations = [value - expected for value, expected in zip(got, asked, strict=True)]
     if max(map(abs, deviations)) <= rounding:
         return Comparison(count, mean_asked, mean_got, mean_asked - rounding, mean_asked + rounding, "within")

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from ...agents.plan_codec import decode_value, encode_value
 from ...errors import BadInput
 from ...quantities import Component, Floats, Role
+from ...transport.faults import LinkName
 from ..whole_files import whole_file
+from .comparisons import Channel
 from .evaluation import Finding
 
 Whole = NDArray[np.int64]
@@ -76,7 +78,7 @@ class EvaluationResult:
     """Quantities in alphabetical order, findings, and places: true ones of agents, believed ones, those of others.
 
     `places` is None where agents have none. `views`: agent → where it believes whom to be. `followed`: what is no
-    agent, at its true place.
+    agent, at its true place. `channels`: what links with models of users' own were asked and got.
     """
 
     quantities: Mapping[str, EvaluatedQuantity]
@@ -84,6 +86,7 @@ class EvaluationResult:
     places: Places | None = None
     views: Mapping[str, Places] = field(default_factory=dict)
     followed: Places | None = None
+    channels: Mapping[LinkName, Channel] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"EvaluationResult of {', '.join(self.quantities) or 'no estimates'}; {len(self.findings)} findings"

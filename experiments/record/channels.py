@@ -13,8 +13,12 @@ from dataclasses import replace
 from itertools import groupby, pairwise
 from typing import NamedTuple
 
+import numpy as np
+
+from ...agents.plan_codec import Opaque
 from ...transport.directed_link import DirectedLink
 from ...transport.faults import LinkFault, LinkName, effective
+from ...transport.link_models import OwnModel
 from ...transport.links import CORRUPT, CUT, LOST, NANOSECONDS, LinkSettings
 from ...transport.loss_settings import loss_variance
 from ...transport.loss_stages import expected_loss, loss_stages
@@ -47,11 +51,11 @@ class LinkCourse:
         ends = [fault.until_ns for fault in faults if fault.until_ns is not None]
         self._changes = sorted({0, *(fault.at_ns for fault in faults), *ends})
         base = record.plan.links[link]
-        self._settings = [effective(base, link, faults, change) for change in self._changes]
+        self.settings = [effective(base, link, faults, change) for change in self._changes]
 
     def at(self, time_ns: int) -> LinkSettings:
         """Those that hold at an instant."""
-        return self._settings[bisect_right(self._changes, time_ns) - 1]
+        return self.settings[bisect_right(self._changes, time_ns) - 1]
 
 
 class _Transmission(NamedTuple):
@@ -76,15 +80,30 @@ class _Transmission(NamedTuple):
 
 
 def channels(record: Record) -> dict[LinkName, Channel]:
-    """Compare each link of a run with its settings."""
+    """Compare each link of a run with its settings; what its evaluation has is taken from there."""
     fates = frame_fates(record)
+    kept = {} if record.evaluation is None else record.evaluation.channels
     alpha = significance(_BY_CHANCE * len(fates))
     sent = {link: list(_transmissions(LinkCourse(record, link), frames)) for link, frames in fates.items()}
     radios: dict[str, dict[tuple[int, int], _Transmission]] = {}
     for (source, target), frames in sent.items():
         if on_air(record.plan.links[source, target].medium):
             radios.setdefault(source, {}).update({(frame.incarnation, frame.start_ns): frame for frame in frames})
-    return {link: _channel(own, radios.get(link[0], {}), _place(record, link), alpha) for link, own in sent.items()}
+    return {
+        link: kept.get(link) or _channel(frames, radios.get(link[0], {}), _place(record, link), alpha)
+        for link, frames in sent.items()
+    }
+
+
+def channels_to_keep(record: Record) -> dict[LinkName, Channel]:
+    """The comparisons of links with models of users' own, whose code only evaluations run."""
+    links = [link for link in record.plan.links if any(map(_runs_own_code, LinkCourse(record, link).settings))]
+    return {link: channel for link, channel in channels(record).items() if link in links} if links else {}
+
+
+def _runs_own_code(settings: LinkSettings) -> bool:
+    models = (*settings.loss, *settings.corruption, settings.latency)
+    return any(isinstance(model, OwnModel) for model in models)
 
 
 def _place(record: Record, link: LinkName) -> _Place:
@@ -145,16 +164,18 @@ def _channel(
 def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdict: str, alpha: float) -> Comparison:
     """Frames that the models of a field swallow; the models begin anew where they change and with each life."""
     expected: list[float] = []
-    variance = 0.0
+    variance, happened = 0.0, sum(frame.verdict == verdict for frame in frames)
     for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
         stretch = list(group)
+        if any(isinstance(model, Opaque) for model in models):
+            return Comparison(len(frames), got=happened / len(frames), decision="not comparable")
         stages = loss_stages(models, place(life), "" if verdict == LOST else field)
         expected_here = [
             expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
         ]
         expected += expected_here
         variance += loss_variance(models, [(frame.draw, frame.start_ns) for frame in stretch], expected_here)
-    return compare_fraction(expected, sum(frame.verdict == verdict for frame in frames), variance, alpha)
+    return compare_fraction(expected, happened, variance, alpha)
 
 
 def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> Comparison:
@@ -164,7 +185,7 @@ def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> 
 
 def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
     asked, got = [], []
-    held_up, last_due, life, inflation = False, -1, 0, 1.0
+    held_up, last_due, life, inflations = False, -1, 0, [1.0]
     for frame in sent:
         if frame.incarnation != life:
             last_due, life = -1, frame.incarnation
@@ -172,11 +193,13 @@ def _latency(sent: Sequence[_Transmission], alpha: float) -> Comparison:
         last_due = max(last_due, frame.due_ns)
         if not frame.copy:
             model = frame.settings.latency
-            inflation = max(inflation, model.variance_inflation)
-            asked.append(model.expected_ns(frame.start_ns + frame.airtime_ns))
+            inflations.append(math.nan if isinstance(model, Opaque) else model.variance_inflation)
+            asked.append(
+                math.nan if isinstance(model, Opaque) else model.expected_ns(frame.start_ns + frame.airtime_ns)
+            )
             got.append(frame.latency_ns)
     rounding_ns = _WALL_CLOCK_NS if any(frame.timed for frame in sent) else _ROUNDING_NS
-    found = compare_mean(asked, got, inflation, alpha, rounding_ns, least=0.0)
+    found = compare_mean(asked, got, float(np.max(inflations)), alpha, rounding_ns, least=0.0)
     if held_up and found.decision != "within":
         return replace(found, decision="not comparable")
     return found

@@ -22,6 +22,7 @@ from ...estimators.information import pack_symmetric
 from ...quantities import Component, Floats, Quantity, subtracted
 from ..evaluation.evaluation import Evaluation, distance_to_mean, evaluations
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
+from .channels import channels_to_keep
 from .normalised_errors import normalised_squares, standard_deviations
 from .places import Reports, followed_places, true_places, view_places
 from .record import Record
@@ -77,6 +78,7 @@ def evaluated(record: Record) -> Record:
         true_places(record),
         view_places(reports, judges),
         followed_places(reports, {name: one.truth for name, one in quantities.items()}, judges),
+        channels_to_keep(record),
     )
     return replace(record, evaluation=result)
 

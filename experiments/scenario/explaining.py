@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from ...errors import BadInput
 from ...names import did_you_mean, nearest
-from .settings_reading import UnknownField, validated
+from .settings_reading import validated
+from .strict_reading import UnknownField
 from .yaml_document import Problem, describe
 
 _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from ...agents.plan_codec import Opaque
 from ...topologies import natural_key
 from ...transport.faults import ClockFault, Fault, Hog, Kill, LinkFault, LinkName, Pause, SensorFault
+from ...transport.link_models import OwnModel
 
 _NAMED = 2
 _PPM = 1_000
@@ -46,7 +48,12 @@ def _change(name: str, value: Any) -> str:
 
 
 def _model(name: str, model: Any) -> str:
-    """The first numbers of a model that are not defaults, in milliseconds for latencies; other values as text."""
+    """The first numbers of a model that are not defaults, in milliseconds for latencies; other values as text.
+
+    Of a user's own model its class, as the units of its fields are not known.
+    """
+    if isinstance(model, OwnModel | Opaque):
+        return (model.name if isinstance(model, Opaque) else model.import_string).rpartition(":")[2]
     if not is_dataclass(model):
         return str(model)
     shown = [field for field in fields(model)[:_NAMED] if getattr(model, field.name) != field.default]

@@ -16,7 +16,8 @@ from .dumping import settings
 from .fault_places import Words
 from .field_docs import described, summary
 from .presets import PRESET, PresetName, with_preset
-from .settings_reading import STRICT, Reader, any_of, given, model_fields, typed, validated
+from .settings_reading import Reader, any_of, given, model_fields, typed, validated
+from .strict_reading import STRICT
 
 _PRESET: Any = (PresetName, Field(default=None, alias=PRESET, title=PRESET, description="links of well-known hardware"))
 LINK_FIELDS = tuple(field.name for field in fields(LinkSettings))

@@ -16,7 +16,7 @@ from ...agents.registry import AGENTS
 from ...errors import BadInput
 from ...names import LONGEST_RUN, check_length
 from ...topologies.over_time import Topology
-from ...units import Bounds, Duration, Period, quantity
+from ...units import Bounds, Duration, Period, quantity, within_bounds
 from ...worlds.world_kinds import AnyWorld
 from .dumping import dumped, settings
 from .fault_places import Groups, Words
@@ -31,10 +31,10 @@ from .settings_reading import (
     model_of,
     own_kind,
     read_fields,
-    read_model,
     tagged,
     typed,
 )
+from .strict_reading import read_model
 from .timeline import FaultEntry
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -95,7 +95,7 @@ def _read_agents(made: Any, beside: Any, value: Any) -> Any:
     parameters = AGENTS.find(kind).Parameters
     values = given(read_model(model_of(parameters, tag=kind, beside=beside), {TAG: kind, **body}))
     own = beside(**{field.name: values.pop(field.name) for field in fields(beside) if field.name in values})
-    return made(kind=kind, parameters=parameters(**values), **vars(own))
+    return made(kind=kind, parameters=within_bounds(parameters(**values)), **vars(own))
 
 
 def _agents_text(beside: Any) -> Any:

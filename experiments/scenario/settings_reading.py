@@ -31,17 +31,19 @@ from pydantic_core import CoreSchema, core_schema
 from ...errors import BadInput
 from ...kinds import Kinds
 from ...names import did_you_mean
-from ...units import Bounds, OneOrMany, Unit
+from ...units import Bounds, OneOrMany, Unit, within_bounds
 from ...worlds.signals import Steps
 from .annotations import is_union, mark, owned, written_name
 from .dumping import dumped
 from .field_docs import described, summary
 from .number_types import quantity_type, within
+from .strict_reading import STRICT, read_model, strictly
 from .trace_files import STAND_INS
 
-STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, protected_namespaces=())
 TAG = "kind"
-_OWN = Annotated[str, Field(pattern=r"^[^:]+:[^:]+$")]
+_OWN_PATTERN = r"^[^:]+:[^:]+$"
+_OWN = Annotated[str, Field(pattern=_OWN_PATTERN)]
+"""Import strings of users' own kinds."""
 
 
 @dataclass(frozen=True)
@@ -94,41 +96,12 @@ def validated(hint: Any, value: Any) -> Any:
     Raises:
         ValidationError: all errors, each with its place.
     """
-    return _strictly(_adapter(hint), value)
+    return strictly(_adapter(hint), value)
 
 
 @cache
 def _adapter(hint: Any, owner: Unit | None = None) -> TypeAdapter[Any]:
     return TypeAdapter(typed(hint, owner))
-
-
-def _strictly(adapter: TypeAdapter[Any], value: Any) -> Any:
-    return adapter.validate_json(json.dumps(value), strict=True)
-
-
-class UnknownField(BadInput):
-    """A field that a mapping of settings does not have."""
-
-
-def read_model(model: type[BaseModel], value: Any) -> Any:
-    """A mapping as a model, read strictly.
-
-    Raises:
-        ValidationError: all errors, each with its place; those of unknown fields name the nearest known one.
-    """
-    try:
-        return model.model_validate_json(json.dumps(value), strict=True)
-    except ValidationError as error:
-        known = [str(field.alias) for field in model.model_fields.values()]
-        details = [_with_known(detail, known) for detail in error.errors(include_url=False)]
-        raise ValidationError.from_exception_data(error.title, details) from error
-
-
-def _with_known(detail: Any, known: Sequence[str]) -> Any:
-    if detail["type"] != "extra_forbidden":
-        return detail
-    unknown = UnknownField(f"unknown field{did_you_mean(str(detail['loc'][-1]), known)}")
-    return {**detail, "type": "value_error", "ctx": {"error": unknown}}
 
 
 def _mapping(value: Any) -> dict[str, Any]:
@@ -181,7 +154,7 @@ def _settings(cls: Any, owner: Unit | None) -> Reader:
 
 
 def _read_settings(cls: Any, owner: Unit | None, value: Any) -> Any:
-    made = cls(**given(read_model(model_of(cls, owner), value)))
+    made = within_bounds(cls(**given(read_model(model_of(cls, owner), value))))
     return made.made() if cls in STAND_INS.values() else made
 
 
@@ -190,7 +163,7 @@ def _by_quantity(whole: Any) -> Reader:
     adapter = TypeAdapter(whole)
 
     def read(value: Any) -> Any:
-        found = _strictly(adapter, value)
+        found = strictly(adapter, value)
         if len(found) < len(value):
             raise BadInput(f"one of {', '.join(value)} occurs twice: keep one")
         return found
@@ -358,11 +331,10 @@ def _single(name: str, hint: Any, unit: Unit | None) -> TypeAdapter[Any]:
 
 def _under(name: str, hint: Any, unit: Unit | None, value: Any) -> Any:
     """Read a value as the field `name`, so that errors have the name in their place."""
-    return _strictly(_single(name, hint, unit), {name: value}).value
+    return strictly(_single(name, hint, unit), {name: value}).value
 
 
 def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
-    names = ", ".join(kinds.names())
     body: Any = {}
     if isinstance(value, str) and value[:1].isalpha():
         name = value
@@ -372,7 +344,7 @@ def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
         ((name, body),) = value.items()
     else:
         bare = "a value, or " if kinds.scalar else ""
-        raise BadInput(f"write {bare}exactly one of {names}, not {value!r}")
+        raise BadInput(f"write {bare}exactly one of {', '.join(kinds.names())}, not {value!r}")
     cls = kinds.find(name)
     if not isinstance(body, dict) and (taken := list(read_fields(STAND_INS.get(cls, cls)))) and cls is not Steps:
         body = {} if body is None else {taken[0]: body}
@@ -398,6 +370,9 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
             shapes.append(typed(first, unit))
         given[f"kind{number}"] = (shape, Field(default=None, alias=name, title=name))
     one: dict[str, Any] = {"minProperties": 1, "maxProperties": 1}
+    if kinds.entry_points:
+        one["patternProperties"] = {_OWN_PATTERN: {}}
+        shapes.append(_OWN)
     title = "".join(word.capitalize() for word in kinds.what.split())
     model = create_model(title, __config__=ConfigDict(**STRICT, json_schema_extra=one), **given)
     return any_of([model, *shapes, *([Literal[tuple(alone)]] if alone else [])])
@@ -406,7 +381,7 @@ def _keys(kinds: Kinds, unit: Unit | None) -> Any:
 def _by_kind(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     name, body = tagged(kinds, value)
     cls = kinds.settings(name)
-    return kinds.made(name, cls(**given(read_model(model_of(cls, unit, tag=name), {TAG: name, **body}))))
+    return kinds.made(name, within_bounds(cls(**given(read_model(model_of(cls, unit, tag=name), {TAG: name, **body})))))
 
 
 def tagged(kinds: Kinds, value: Any) -> tuple[str, dict[str, Any]]:

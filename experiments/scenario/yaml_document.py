@@ -222,7 +222,7 @@ def assign(
     keys: dict[tuple[str, ...], str] = {}
     for text in assignments:
         key, equals, value = text.partition("=")
-        path = tuple(key.strip().split("."))
+        path = _path(key.strip())
         if not equals or not all(path):
             raise BadInput(f"{label}{text}: write KEY=VALUE, for example links.loss.bernoulli=0.3")
         place = f"{label}{key.strip()}"
@@ -233,6 +233,17 @@ def assign(
             raise BadInput(str(error) if str(error).startswith(place) else f"{place}: {error}") from error
         keys = {old: name for old, name in keys.items() if old[: len(new)] != new} | {new: key.strip()}
     return data, keys
+
+
+def _path(key: str) -> tuple[str, ...]:
+    """The parts of a dotted path; an import string such as pkg.module:Class is one of them."""
+    path: list[str] = []
+    for part in key.split("."):
+        path.append(part)
+        if ":" in part:
+            first = max((place for place, name in enumerate(path) if name in _CHOICES), default=len(path) - 2) + 1
+            path[first:] = [".".join(path[first:])]
+    return tuple(path)
 
 
 def _chooses(name: str, key: str) -> bool:

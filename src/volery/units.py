@@ -147,6 +147,22 @@ class Bounds:
     above: float | None = None
     below: float | None = None
 
+    def contain(self, value: float) -> bool:
+        """Whether a number is within; NaN is not."""
+        least = -math.inf if self.least is None else self.least
+        most = math.inf if self.most is None else self.most
+        return (
+            least <= value <= most
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
+
+    @property
+    def text(self) -> str:
+        """As in "at least 0 and below 1"."""
+        parts = {"at least": self.least, "above": self.above, "at most": self.most, "below": self.below}
+        return " and ".join(f"{word} {end:g}" for word, end in parts.items() if end is not None)
+
 
 @dataclass(frozen=True)
 class OneOrMany:
@@ -194,6 +210,21 @@ def unit_of(hint: Any) -> str | None:
         if isinstance(mark, Unit):
             return mark.name
     return next((unit for part in get_args(hint) if (unit := unit_of(part))), None)
+
+
+def within_bounds(settings: Any) -> Any:
+    """Return a dataclass if its numbers are within the bounds that their types are marked with.
+
+    Raises:
+        BadInput: the first such field; the message gives its name and bounds.
+    """
+    for name, hint in get_type_hints(type(settings), include_extras=True).items():
+        bounds = next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Bounds)), None)
+        value = getattr(settings, name, None)
+        if bounds is not None and isinstance(value, int | float) and not bounds.contain(value):
+            unit = unit_of(hint)
+            raise BadInput(f"{name} is {value:g}{(unit and f' {unit}') or ''}, it must be {bounds.text}", (name,))
+    return settings
 
 
 def check_above_zero(name: str, value: float, unit: str = "") -> None:

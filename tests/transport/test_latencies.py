@@ -18,7 +18,6 @@ from volery.transport.latency_settings import (
     LATENCIES,
     Constant,
     Gamma,
-    Latency,
     LatencyTrace,
     LogNormal,
     Normal,
@@ -26,6 +25,7 @@ from volery.transport.latency_settings import (
     Uniform,
 )
 from volery.transport.latency_stages import latency_stage
+from volery.transport.link_models import Latency
 
 MS, SECOND = 10**6, 10**9
 FRAMES = 20_000
@@ -36,7 +36,7 @@ LEVEL = 1e-4
 def drawn(model: Latency, frames: int = FRAMES, seed: int = 5) -> list[int]:
     """The latencies of the first frames of a link."""
     stage = latency_stage(model, DirectedLink.of(seed, "1", "2"))
-    return [stage(index, index) for index in range(frames)]
+    return [stage(index, 0, 0, index) for index in range(frames)]
 
 
 def gamma(mean: float, sd: float) -> Any:
@@ -148,7 +148,7 @@ def test_correlated_latencies_are_the_same_again() -> None:
     assert drawn(model, 50) == drawn(model, 50) != drawn(model, 50, 6)
     around = DirectedLink.of(5, "1", "2")
     stage, duplicates = latency_stage(model, around), latency_stage(model, around.within("duplicate"))
-    mixed = [(stage(index, 0), duplicates(index, 0))[0] for index in range(50)]
+    mixed = [(stage(index, 0, 0, 0), duplicates(index, 0, 0, 0))[0] for index in range(50)]
     assert mixed == drawn(model, 50)
 
 
@@ -199,7 +199,9 @@ def test_a_trace_says_how_long_frames_travel() -> None:
     for repeat, travel, mean in ((None, [5, 5, 9, 2, 2, 2], 2.0), (4 * SECOND, [5, 5, 9, 2, 5, 9], 6.25)):
         model = LatencyTrace(times, values, repeat)
         stage = latency_stage(model, DirectedLink.of(1, "1", "2"))
-        assert [stage(index, instant) for index, instant in enumerate(instants)] == [value * MS for value in travel]
+        assert [stage(index, 0, 0, instant) for index, instant in enumerate(instants)] == [
+            value * MS for value in travel
+        ]
         assert [model.expected_ns(instant) for instant in instants] == [value * MS for value in travel]
         assert (model.minimum_ns, model.mean_ns, model.variance_inflation) == (2 * MS, mean * MS, 1.0)
 

@@ -12,6 +12,7 @@ from scipy import stats
 
 from volery.randomness import stream
 from volery.transport.directed_link import DirectedLink
+from volery.transport.link_models import Loss
 from volery.transport.loss_settings import (
     Bernoulli,
     BitError,
@@ -19,7 +20,6 @@ from volery.transport.loss_settings import (
     Frames,
     GilbertElliott,
     GilbertElliottTime,
-    Loss,
     LossTrace,
     Markov,
     loss_variance,

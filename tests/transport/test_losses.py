@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from volery.errors import BadInput
 from volery.transport.directed_link import DirectedLink
+from volery.transport.link_models import Loss
 from volery.transport.links import LOST, LinkSettings
 from volery.transport.loss_settings import (
     LOSSES,
@@ -21,7 +22,6 @@ from volery.transport.loss_settings import (
     Frames,
     GilbertElliott,
     GilbertElliottTime,
-    Loss,
     LossTrace,
     Markov,
 )

@@ -11,16 +11,9 @@ import pytest
 from volery.errors import BadInput
 from volery.transport.directed_link import DirectedLink
 from volery.transport.latency_settings import Normal, Uniform
+from volery.transport.link_models import Loss
 from volery.transport.links import LinkSettings
-from volery.transport.loss_settings import (
-    Bernoulli,
-    BitError,
-    Distance,
-    GilbertElliott,
-    GilbertElliottTime,
-    Loss,
-    Markov,
-)
+from volery.transport.loss_settings import Bernoulli, BitError, Distance, GilbertElliott, GilbertElliottTime, Markov
 from volery.transport.propagation import Copy, Propagation
 
 MS = 10**6
