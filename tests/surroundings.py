@@ -1,13 +1,15 @@
-"""Worlds, graphs and formations from what a scenario says of them, with the place of what is wrong."""
+"""What tests of several folders share: worlds, graphs and formations from what a scenario says of them, and seeds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import networkx as nx
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from volery.errors import BadInput
@@ -16,6 +18,14 @@ from volery.topologies import Formation, Position, TimedGraph
 from volery.topologies.over_time import GRAPHS, Topology
 from volery.topologies.presence import Places
 from volery.worlds.world_kinds import AnyWorld
+
+BUILT_IN = sorted(path.stem for path in (Path(__file__).parents[1] / "scenarios").glob("*.yaml"))
+"""The names of the scenarios that come with volery."""
+
+
+def seeds(quick: int, all_of_them: int) -> list[Any]:
+    """Seeds of drawn cases, as parameters of a test: the first ones always, the others in the long run."""
+    return [*range(quick), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(quick, all_of_them))]
 
 
 @contextmanager

@@ -20,14 +20,17 @@ from volery.agents.plan import AgentPlan, Plan
 from volery.agents.plan_codec import Opaque, decode_plan, decode_value, encode_plan, encode_value
 from volery.errors import BadInput
 from volery.experiments.record.record import Collector
-from volery.experiments.scenario.load import builtin_scenarios, load_scenario
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin
 from volery.transport.faults import LinkFault
 from volery.transport.latency_settings import Constant
 from volery.transport.links import LinkSettings
 from volery.transport.loss_settings import Bernoulli
 
+from ..surroundings import BUILT_IN
+
 SETTINGS = LinkSettings(latency=Constant(5_000_000))
+DURATIONS = {"beacons-moving": "1 s", "mav30": "50 ms"}
 
 
 class Colour(Enum):
@@ -125,10 +128,10 @@ def test_every_value_comes_back_with_the_same_bits(value: Any) -> None:
     assert bits(back(value)) == bits(value)
 
 
-@pytest.mark.parametrize("name", [scenario.name for scenario in builtin_scenarios()])
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_a_decoded_plan_is_equal_and_gives_the_same_journal(name: str) -> None:
     """Of every built-in scenario; encoded again, the text is the same; nothing of it is opaque to readers."""
-    plan = load_scenario(name, ["duration=1 s" if name == "beacons-moving" else "duration=0.2 s"]).plan
+    plan = load_scenario(name, [f"duration={DURATIONS.get(name, '0.2 s')}"]).plan
     text = encode_plan(plan)
     decoded = decode_plan(text)
     assert decoded == plan == decode_plan(text, only_read=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -102,11 +103,15 @@ def test_every_figure_has_its_command_and_picture(name: str) -> None:
         (f"{name} {which}" for name, page in PAGES.items() for which in page.longer),
     ),
 )
-def test_the_page_quotes_what_the_script_prints(part: str, tmp_path: Path) -> None:
+def test_the_page_quotes_what_the_script_prints(
+    part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The numbers stand in the page as they are printed."""
     name, _, which = part.partition(" ")
-    words = [sys.executable, str(DOCS / f"{name}.py"), which, "--out", str(tmp_path)]
-    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", which, "--out", str(tmp_path)])
+    monkeypatch.syspath_prepend(str(DOCS))
+    runpy.run_path(str(DOCS / f"{name}.py"), run_name="__main__")
+    printed = capsys.readouterr().out
     command = f"$ .venv/bin/python docs/{name}.py {which}\n"
     quoted = next(block for block in blocks(f"{name}.md", "console") if block.startswith(command))
     assert printed == quoted.removeprefix(command)

@@ -21,11 +21,12 @@ from volery.transport.latency_settings import Constant
 from volery.transport.links import CUT, LinkSettings
 from volery.transport.media_settings import Aloha, FullDuplex, HalfDuplex, Tdma
 
+from ..surroundings import seeds
 from .network import Network
 
 MS = 1_000_000
 
-SEEDS = range(30)
+SEEDS = seeds(8, 30)
 
 
 def _entries(batches: Mapping[Any, Batch]) -> dict[Any, list[Any]]:
@@ -163,7 +164,7 @@ def _link_fault(name: str, links: tuple[LinkName, ...], changes: Mapping[str, An
 
 
 @pytest.mark.parametrize("keep_state", [False, True])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", seeds(6, 12))
 def test_live_kills_and_restarts_equal_the_twin(
     seed: int, keep_state: bool, drawn_plan: Any, answerer: type[Agent], twin_run: Callable[[Plan], Record]
 ) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from volery.experiments.cli.app import app
-from volery.experiments.scenario.library import builtin_scenarios
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.validate import validate_plan
 
+from ...surroundings import BUILT_IN
 from .conftest import Volery
 
 ROOT = Path(__file__).parents[3]
@@ -29,7 +29,7 @@ def test_commands_parse(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     app.parse_args(words, exit_on_error=False)
     if words[0] == "run":
-        assert words[1] in {*(scenario.name for scenario in builtin_scenarios()), "mine.yaml"}
+        assert words[1] in {*BUILT_IN, "mine.yaml"}
 
 
 def test_enough_is_found() -> None:
@@ -48,9 +48,10 @@ def test_scenario_is_valid(volery: Volery) -> None:
 
 
 def test_python_example_runs(volery: Volery, capsys: pytest.CaptureFixture[str]) -> None:
-    """The Python of the README runs as it stands, and the run is as asked."""
+    """The Python of the README runs, here for a few seconds of the run, and the run is as asked."""
     assert volery is not None
     (code,) = (block for kind, block in BLOCKS if kind == "python")
+    code = code.replace('engine="twin"', 'engine="twin", overrides=["duration=5 s", "faults=[]"]')
     exec(compile(code, "README.md", "exec"), {})  # noqa: S102 - our own README
     assert "as asked" in capsys.readouterr().out
 

@@ -28,7 +28,9 @@ def test_a_mapping_is_a_scenario_like_its_file(volery: Volery) -> None:
     fields = YAML(typ="safe", pure=True).load(SCENARIO)
     of_mapping = package.run(fields, engine="twin", overrides=["links.loss.bernoulli=0.2"])
     of_file = package.run("short.yaml", engine="twin", overrides=["links.loss.bernoulli=0.2"])
-    volery("run", "short.yaml", "--engine", "twin", "--set", "links.loss.bernoulli=0.2", "--name", "third")
+    volery(
+        "run", "short.yaml", "--engine", "twin", "--set", "links.loss.bernoulli=0.2", "--no-figures", "--name", "third"
+    )
     for other in (of_file, package.load("runs/third")):
         assert np.array_equal(of_mapping.samples().estimate, other.samples().estimate, equal_nan=True)
         assert of_mapping.frames["fate"].tolist() == other.frames["fate"].tolist()

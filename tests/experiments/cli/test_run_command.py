@@ -42,14 +42,6 @@ def test_run_ends_with_metrics_verdict_and_folder(volery: Volery) -> None:
     }
 
 
-def test_run_draws_the_figures_and_says_where(volery: Volery) -> None:
-    """Without --no-figures every figure is there, and its path printed."""
-    said = volery("run", "short.yaml", "--engine", "twin", "--name", "mine")
-    figures = [line.split()[1] for line in said.out.splitlines() if line.startswith("figure ")]
-    assert "runs/mine/figures/overview.png" in figures
-    assert all(Path(figure).stat().st_size > 0 for figure in figures)
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -154,7 +146,11 @@ def test_a_run_is_read_compiled_and_loaded_once(volery: Volery, monkeypatch: pyt
     counted(compile_module, "attempt")
     counted(scenario_load, "attempt")
     counted(mcap_record, "collect")
-    assert volery("run", "short.yaml", "--engine", "twin").code == 0
+    said = volery("run", "short.yaml", "--engine", "twin", "--name", "mine")
+    assert said.code == 0
+    figures = [line.split()[1] for line in said.out.splitlines() if line.startswith("figure ")]
+    assert "runs/mine/figures/overview.png" in figures
+    assert all(Path(figure).stat().st_size > 0 for figure in figures)
     assert counts == {"read_document": 1, "attempt": 1, "collect": 1}
 
 

@@ -12,15 +12,15 @@ from jsonschema import Draft202012Validator
 
 from volery.errors import BadInput
 from volery.experiments.scenario.explaining import read
-from volery.experiments.scenario.library import builtin_scenarios, new_scenario_text, scenario_text
+from volery.experiments.scenario.library import new_scenario_text, scenario_text
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.schema import Scenario, json_schema
 from volery.experiments.scenario.yaml_document import parse
 
+from ...surroundings import BUILT_IN
 from .conftest import TEXT
 from .test_resolved import EVERY_FAULT
 
-BUILT_IN = [scenario.name for scenario in builtin_scenarios()]
 PLANE = "world: {kind: plane, altitude: 0.2 m"
 
 
