@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInput
+from ...quantities import Floats
 from ...topologies import natural_key
 from ...transport.links import NANOSECONDS
 from ..analysis.accounting import account
@@ -35,8 +36,10 @@ FIGURES = ("estimates", "disagreement", "links", "age", "overview")
 _SCREEN_DPI = 120
 _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
-_PANEL_IN, _OVERVIEW_IN = 1.35, 4.4
+_PANEL_IN, _OVERVIEW_IN, _PAD_IN = 1.35, 4.4, 0.07
 _PANELS, _OVERVIEW_PANELS = 12, 6
+_LONG = 10.0
+"""So many times the usual step between reports interrupt a line."""
 _COLUMNS, _OVERVIEW_COLUMNS = 6, 3
 """Agents that have columns of their own, where each estimates something else."""
 SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
@@ -157,9 +160,10 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         return
     seen = samples(record, quantity)
     if name == "estimates":
-        figure.set_size_inches(
-            COLUMN_IN if seen.is_shared else PAGE_IN, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2])
-        )
+        width = COLUMN_IN if seen.is_shared else PAGE_IN
+        figure.set_size_inches(width, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2]))
+        if not seen.is_shared:  # the last number below an axis reaches beyond it
+            figure.set_layout_engine("constrained", w_pad=_PAD_IN)
         draw_estimates(record, seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
@@ -180,53 +184,67 @@ def draw_estimates(
 
     Agents that have their own have their own columns, with two standard deviations about what they believe.
     """
-    count = seen.estimate.shape[2]
+    count, agents = seen.estimate.shape[2], len(seen.agents)
     labels = seen.components[:most]
-    columns = [slice(None)] if seen.is_shared else [slice(one, one + 1) for one in range(len(seen.agents))]
-    columns = columns[:most_agents]
-    panels = figure.subplots(len(labels), len(columns), sharex=True, squeeze=False)
-    lines: dict[str, Artist] = {}
-    for column, agents in enumerate(columns):
-        for number, (name, unit, factor) in enumerate(labels):
-            axes = panels[number, column]
-            lines |= _draw_component(axes, seen, agents, number, factor)
-            if column == 0:
-                axes.set_ylabel(f"{name} ({unit})" if unit else name)
-            _shade(record, axes, named=number == 0 and seen.is_shared)
-        if not seen.is_shared:
-            panels[0, column].set_title(f"agent {seen.agents[column]}")
-    _legend(figure, lines)
-    parts = (
-        (most, count, "components"),
-        (len(columns), len(columns) if seen.is_shared else len(seen.agents), "agents"),
-    )
-    left_out = "".join(f"; {shown} of {there} {what}" for shown, there, what in parts if shown < there)
-    for axes in panels[-1]:
-        axes.set_xlabel("time (s)")
-    panels[-1, 0].set_xlabel(f"time (s){left_out}")
+    columns = 1 if seen.is_shared else min(agents, most_agents)
+    panels = figure.subplots(len(labels), columns, sharex=True, squeeze=False)
     panels[-1, 0].set_xlim(0, record.last_ns / NANOSECONDS)
-    figure.align_ylabels(panels)
-
-
-def _draw_component(axes: Axes, seen: Samples, agents: slice, number: int, factor: float) -> dict[str, Artist]:
-    """One component of some agents' estimates; what there is for a legend."""
-    time_s = seen.time_ns / NANOSECONDS
-    estimate = factor * seen.estimate[:, agents, number]
-    truth, oracle = (factor * _any_agent(of[:, agents])[:, number] for of in (seen.truth, seen.oracle))
     lines: dict[str, Artist] = {}
-    if seen.is_shared:
-        lines[f"agents ({len(seen.agents)})"] = axes.plot(time_s, estimate, color=SKY, alpha=0.5, linewidth=0.5)[0]
-    else:
-        if seen.deviation.shape[2] == seen.estimate.shape[2]:
-            half = 2.0 * factor * seen.deviation[:, agents, number]
-            if not np.isnan(half).all():
-                low, high = ((estimate + sign * half)[:, 0] for sign in (-1.0, 1.0))
-                lines["± 2 σ"] = axes.fill_between(time_s, low, high, color=SKY, alpha=0.35, linewidth=0)
-        (lines["agent"],) = axes.plot(time_s, estimate, color=BLUE, linewidth=0.7)
-    if not np.isnan(oracle).all():
-        (lines["oracle"],) = axes.plot(time_s, oracle, color=VERMILION)
-    if not np.isnan(truth).all():
-        (lines["truth"],) = axes.plot(time_s, truth, color=BLACK, linestyle="--")
+    for (number, column), axes in np.ndenumerate(panels):
+        name, unit, factor = labels[number]
+        if seen.is_shared:
+            lines |= _draw_all(axes, seen, number, factor)
+        else:
+            lines |= _draw_own(axes, seen, column, number, factor)
+        if column == 0:
+            axes.set_ylabel(f"{name} ({unit})" if unit else name)
+        if number == 0 and not seen.is_shared:
+            axes.set_title(f"agent {seen.agents[column]}")
+        if number == len(labels) - 1:
+            axes.set_xlabel("time (s)")
+        _shade(record, axes, named=number == 0 and seen.is_shared)
+    _legend(figure, lines)
+    left_out = f"; {most} of {count} components" if count > most else ""
+    left_out += f"; {columns} of {agents} agents" if not seen.is_shared and columns < agents else ""
+    panels[-1, 0].set_xlabel(f"time (s){left_out}")
+    figure.align_ylabels(panels[:, 0])
+
+
+def _draw_all(axes: Axes, seen: Samples, number: int, factor: float) -> dict[str, Artist]:
+    """One component of what all agents estimate; what there is for a legend."""
+    time_s = seen.time_ns / NANOSECONDS
+    agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=SKY, alpha=0.5, linewidth=0.5)
+    lines: dict[str, Artist] = {f"agents ({len(seen.agents)})": agents[0]}
+    oracle, truth = (factor * _any_agent(of) for of in (seen.oracle, seen.truth))
+    return lines | _draw_references(axes, time_s, oracle, truth, number)
+
+
+def _draw_own(axes: Axes, seen: Samples, agent: int, number: int, factor: float) -> dict[str, Artist]:
+    """One component of what an agent estimates of its own, interrupted where it did not report for long."""
+    known = np.flatnonzero(~np.isnan(seen.estimate[:, agent]).any(axis=1))
+    steps = np.diff(seen.time_ns[known])
+    breaks = np.flatnonzero(steps > _LONG * np.median(steps)) + 1 if len(steps) else np.zeros(0, dtype=np.int64)
+
+    def course(values: NDArray[Any]) -> NDArray[np.float64]:
+        return np.insert(values[known].astype(np.float64), breaks, np.nan, axis=0)
+
+    time_s, estimate = course(seen.time_ns) / NANOSECONDS, factor * course(seen.estimate[:, agent, number])
+    lines: dict[str, Artist] = {}
+    if seen.difference_components == seen.components and not np.isnan(seen.deviation[:, agent, number]).all():
+        half = 2.0 * factor * course(seen.deviation[:, agent, number])
+        lines["± 2 σ"] = axes.fill_between(time_s, estimate - half, estimate + half, color=SKY, alpha=0.35, linewidth=0)
+    (lines["agent"],) = axes.plot(time_s, estimate, color=BLUE, linewidth=0.7)
+    oracle, truth = (factor * course(of[:, agent]) for of in (seen.oracle, seen.truth))
+    return lines | _draw_references(axes, time_s, oracle, truth, number)
+
+
+def _draw_references(axes: Axes, time_s: Floats, oracle: Floats, truth: Floats, number: int) -> dict[str, Artist]:
+    """One component of oracle and truth, (T, k), where they are known."""
+    lines: dict[str, Artist] = {}
+    if not np.isnan(oracle[:, number]).all():
+        (lines["oracle"],) = axes.plot(time_s, oracle[:, number], color=VERMILION)
+    if not np.isnan(truth[:, number]).all():
+        (lines["truth"],) = axes.plot(time_s, truth[:, number], color=BLACK, linestyle="--")
     return lines
 
 

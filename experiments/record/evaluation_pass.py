@@ -114,20 +114,26 @@ def _facts(record: Record, judges: tuple[Evaluation, ...]) -> Iterator[_Step]:
 
 
 def _questions(judges: Mapping[str, Evaluation], reports: Reports, known: _Known) -> Iterator[_Step]:
-    """What is true, and what the central estimator says, of each report, at the instant that it is about."""
+    """What is true, and what the central estimator says, of each report, at the instant that it is about.
+
+    There is no truth of innovations and covariances.
+    """
+    declared = {quantity: judges[next(iter(series))].declared(quantity) for quantity, series in reports.items()}
+    covariances = {one.covariance_quantity for one in declared.values()}
     for quantity, series in reports.items():
+        has_truth = declared[quantity].role != "innovation" and quantity not in covariances
         for agent, mine in series.items():
             judge = judges[agent]
             for row, (index, time_ns) in enumerate(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True)):
                 instant_ns = judge.instant(agent, quantity, index, time_ns)
-                ask = partial(_ask, known[quantity][agent], row, (agent, quantity, index, instant_ns))
+                ask = partial(_ask, known[quantity][agent], row, (agent, quantity, index, instant_ns), has_truth)
                 yield _Step(instant_ns, (_REPORT, 0, 0), (judge,), ask)
 
 
-def _ask(known: _References, row: int, report: tuple[str, str, int, int], judge: Evaluation) -> None:
+def _ask(known: _References, row: int, report: tuple[str, str, int, int], has_truth: bool, judge: Evaluation) -> None:
     agent, quantity, *_ = report
     for what, references, value in (
-        ("truth", known.truth, judge.truth(*report)),
+        ("truth", known.truth, judge.truth(*report) if has_truth else None),
         ("central estimate", known.central, judge.central_estimate(*report)),
     ):
         if value is not None:
