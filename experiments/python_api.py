@@ -77,7 +77,7 @@ def run(  # noqa: PLR0913 - all but one by name
     *,
     topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
-    world: Any = None,
+    world: str | type | Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
     pace: Literal["realtime", "lockstep"] = "realtime",
@@ -109,7 +109,7 @@ def run(  # noqa: PLR0913 - all but one by name
             a class or function may stand itself, also one that is defined in the script or notebook.
         topology: instead of the scenario's: a networkx graph, or a mapping as in a scenario.
         agents: instead of the scenario's: a kind or class, or a mapping as in a scenario.
-        world: instead of the scenario's: a kind or class, a mapping as in a scenario, or an object of settings.
+        world: instead of the scenario's, likewise.
         overrides: fields to set, such as "links.loss.bernoulli=0.3"; the last one of a field counts.
         engine: one process per agent over Zenoh, or all agents in this process.
         pace: by the wall clock, or as fast as the promises of the neighbours allow.
@@ -135,7 +135,7 @@ async def run_async(  # noqa: PLR0913 - all but one by name
     *,
     topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
-    world: Any = None,
+    world: str | type | Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
     pace: Literal["realtime", "lockstep"] = "realtime",
@@ -158,7 +158,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
     random: int | None = None,
     topology: Any = None,
     agents: str | type | Mapping[str, Any] | None = None,
-    world: Any = None,
+    world: str | type | Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "twin",
     runs: str | Path = "runs",
@@ -171,8 +171,7 @@ def sweep(  # noqa: PLR0913 - all but two by name
 ) -> Sweep:
     """Run a scenario over ranges of its fields, several times each, and return the table of all runs.
 
-    Runs that were finished before an interruption are not repeated. In a script call it under
-    `if __name__ == "__main__":`, as it starts worker processes.
+    Runs that were finished before an interruption are not repeated.
 
     Args:
         scenario: name of a built-in scenario, path of a YAML file, or the fields themselves.

@@ -1,10 +1,9 @@
-"""Values from Python in a scenario: classes, objects of settings and NumPy's numbers as the plain data of a file."""
+"""Values from Python in a scenario: classes, functions and NumPy's numbers as the plain data of a file."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import is_dataclass
 from inspect import isclass, isfunction
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import BadInput
-from .dumping import settings
 
 
 def plain(value: Any, place: str = "") -> Any:
     """A value as a scenario file has it; `place` is the name of its field, for messages.
 
-    A class or function stands for its name, `module:Name`, an object of settings for the kind of its class with its
-    fields.
+    A class or function stands for its name, `module:Name`.
 
     Raises:
         BadInput: a value that no file could have, or code without a name; the message names the field.
@@ -34,12 +31,7 @@ def plain(value: Any, place: str = "") -> Any:
         return [plain(item, f"{place}.{index}") for index, item in enumerate(value)]
     if isclass(value) or isfunction(value):
         return name_of(value, place)
-    if is_dataclass(value):
-        return {"kind": name_of(type(value), place), **settings(value)}
-    raise BadInput(
-        f"{place}: {value!r} has no place in a scenario: write text, numbers, lists, mappings, classes or objects of "
-        "settings"
-    )
+    raise BadInput(f"{place}: {value!r} has no place in a scenario: write text, numbers, lists, mappings or classes")
 
 
 def _mapping(value: Mapping[Any, Any], place: str) -> dict[str, Any]:

@@ -16,8 +16,8 @@ _PRELOAD = ["volery.agents.process", "volery.agents.dfa.module"]
 
 
 @contextmanager
-def _plain_main() -> Iterator[None]:
-    """Prevent child processes from importing the main program."""
+def plain_main() -> Iterator[None]:
+    """Prevent processes that are started meanwhile from importing the main program; its code reaches them by value."""
     original = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -38,6 +38,6 @@ def spawn(assignment: Assignment, path: list[str]) -> ForkServerProcess:
     context = multiprocessing.get_context("forkserver")
     name = f"volery-{assignment.run}-{assignment.name}-{assignment.incarnation}"
     process = context.Process(target=main, args=(assignment, path), name=name, daemon=True)
-    with _plain_main():
+    with plain_main():
         process.start()
     return process

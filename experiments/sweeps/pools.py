@@ -20,16 +20,14 @@ from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple
 
 from ...errors import BadInput, RunFailed
+from ..swarm.spawning import plain_main
 from .sweep_plan import Job, made_with
 from .sweep_runs import Values, run_job
 
 _AHEAD = 2
 """Runs that each worker has been given: the one that it works on, and the next."""
 _ANSWER_S = 10.0
-_DIED = (
-    "a worker of the sweep died: the same command goes on where it was. If none could begin: a script must call the "
-    'sweep under `if __name__ == "__main__":`'
-)
+_DIED = "a worker of the sweep died: the same command goes on where it was"
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -97,7 +95,8 @@ def _as_workers_begin() -> Iterator[None]:
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        with plain_main():
+            yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name, value in before.items():
