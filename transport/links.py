@@ -91,7 +91,7 @@ class LinkSettings:
     bucket: token bucket that limits the average rate.
     loss: loss models, any of which may lose a frame.
     corruption: models of frames with bit errors, which the receiver's checksum detects.
-    duplication: probability that a frame arrives twice, the copy with a separate latency.
+    duplication: probability that a frame that is not lost arrives twice, the copy with damage and latency of its own.
     latency: one-way latency after the last bit was sent.
     reordering: whether a frame may overtake an earlier one.
     cut: whether the link is cut and no frame passes.

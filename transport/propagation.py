@@ -5,13 +5,14 @@ The sender decides all of these when the transmission starts, and writes the ver
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from .directed_link import DirectedLink
 from .latency_stages import LatencyStage, latency_stage
-from .link_models import Latency
+from .link_models import Latency, Loss
 from .links import CORRUPT, CUT, DELIVERED, LOST, SHORTEST_TRAVEL_NS, LinkSettings
-from .loss_stages import loss_stages
+from .loss_stages import LossStage, loss_stages
 
 
 class Copy(NamedTuple):
@@ -52,13 +53,18 @@ class Propagation:
         settings = self.settings
         self._present = present = self._link if settings.paired is None else self._link.by_slots()
         self._losses = loss_stages(settings.loss, present)
-        self._corruptions = loss_stages(settings.corruption, present, "corruption")
+        self._corruptions = self._damages(settings.corruption)
         self._duplicates = present.stream("duplication")
         self._latencies = self._pipes(settings.latency)
 
     def _pipes(self, model: Latency) -> tuple[LatencyStage, LatencyStage]:
         """Latency stages of the frames, and of their duplicates."""
         return latency_stage(model, self._present), latency_stage(model, self._present.within("duplicate"))
+
+    def _damages(self, models: Sequence[Loss]) -> tuple[list[LossStage], list[LossStage]]:
+        """Corruption stages of the frames, and of their duplicates."""
+        own, duplicate = self._present, self._present.within("duplicate")
+        return loss_stages(models, own, "corruption"), loss_stages(models, duplicate, "corruption")
 
     def change(self, settings: LinkSettings) -> None:
         """Apply new settings; models that do not change keep their state."""
@@ -69,7 +75,7 @@ class Propagation:
         if settings.loss != before.loss:
             self._losses = loss_stages(settings.loss, self._present)
         if settings.corruption != before.corruption:
-            self._corruptions = loss_stages(settings.corruption, self._present, "corruption")
+            self._corruptions = self._damages(settings.corruption)
         if settings.latency != before.latency:
             self._latencies = self._pipes(settings.latency)
 
@@ -82,17 +88,24 @@ class Propagation:
         """Arrivals of a frame with its airtime in [start, end), with the settings at this moment."""
         settings = self.settings
         index = settings.draw_index(sequence, start_ns)
-        lost = corrupt = False
+        lost = False
         for stage in self._losses:
             lost |= stage.lost(index, start_ns, bits)
-        for stage in self._corruptions:
-            corrupt |= stage.lost(index, start_ns, bits)
+        damaged = self._damaged(0, index, start_ns, bits)
         cut = settings.cut or not settings.present
-        verdict = CUT if cut else LOST if lost else CORRUPT if corrupt else DELIVERED
+        verdict = CUT if cut else LOST if lost else damaged
         copies = [Copy(self.target, sequence, 0, self._due(0, index, start_ns, bits, end_ns), verdict)]
-        if settings.duplication and self._duplicates.uniform(index) < settings.duplication and verdict == DELIVERED:
-            copies.append(Copy(self.target, sequence, 1, self._due(1, index, start_ns, bits, end_ns), verdict))
+        if settings.duplication:
+            damaged = self._damaged(1, index, start_ns, bits)
+            if self._duplicates.uniform(index) < settings.duplication and not (cut or lost):
+                copies.append(Copy(self.target, sequence, 1, self._due(1, index, start_ns, bits, end_ns), damaged))
         return copies
+
+    def _damaged(self, copy: int, index: int, start_ns: int, bits: int) -> str:
+        corrupt = False
+        for stage in self._corruptions[copy]:
+            corrupt |= stage.lost(index, start_ns, bits)
+        return CORRUPT if corrupt else DELIVERED
 
     def _due(self, copy: int, index: int, start_ns: int, bits: int, end_ns: int) -> int:
         due = max(end_ns + self._latencies[copy](index, start_ns, bits, end_ns), start_ns + SHORTEST_TRAVEL_NS)

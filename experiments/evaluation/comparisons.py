@@ -45,11 +45,11 @@ class Channel:
     """Asked against got on one link, over the `frames` that it put on the air.
 
     `loss`: fraction that the loss models lose, of frames sent while the link was not cut. `corruption`: of those not
-    lost. `duplication`: of those that are intact. `latency`: mean time from the last bit out to due, or to when a frame
-    really came if that was later, without duplicates and without the time for which the link held a frame [ns]; not
-    comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for each frame, and
-    no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the bucket's rate gives
-    in that span, on a radio by all of its links.
+    lost, and of copies. `duplication`: of those not lost. `latency`: mean time from the last bit out to due, or to when
+    a frame really came if that was later, without duplicates and without the time for which the link held a frame [ns];
+    not comparable where keeping the order has held frames up. `rate`: bits over airtime [bit/s], exact for each frame,
+    and no two overlap. `burst`: token bucket, by how many bits what left in any span exceeded what the bucket's rate
+    gives in that span, on a radio by all of its links.
     """
 
     frames: int

@@ -148,13 +148,13 @@ def _channel(
     originals = [frame for frame in ordered if not frame.copy]
     independent = _independent(ordered)
     uncut = [frame for frame in independent if frame.verdict != CUT and not frame.copy]
+    copies = [frame for frame in independent if frame.copy]
     kept = [frame for frame in uncut if frame.verdict != LOST]
-    intact = [frame for frame in kept if frame.verdict != CORRUPT]
     return Channel(
         frames=len(originals),
         loss=_swallowed(uncut, place, "loss", LOST, alpha),
-        corruption=_swallowed(kept, place, "corruption", CORRUPT, alpha),
-        duplication=_duplication(intact, sum(frame.copy for frame in independent), alpha),
+        corruption=_swallowed([*kept, *copies], place, "corruption", CORRUPT, alpha),
+        duplication=_duplication(kept, len(copies), alpha),
         latency=_latency(independent, alpha),
         rate=_rate(originals),
         burst=_burst([radio[key] for key in sorted(radio)] if radio else originals),
@@ -162,14 +162,20 @@ def _channel(
 
 
 def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdict: str, alpha: float) -> Comparison:
-    """Frames that the models of a field swallow; the models begin anew where they change and with each life."""
+    """Frames that the models of a field swallow; the models begin anew where they change and with each life.
+
+    Copies come last, and have models of their own.
+    """
     expected: list[float] = []
     variance, happened = 0.0, sum(frame.verdict == verdict for frame in frames)
-    for (life, models), group in groupby(frames, lambda frame: (frame.incarnation, getattr(frame.settings, field))):
+    for (life, copy, models), group in groupby(
+        frames, lambda frame: (frame.incarnation, frame.copy, getattr(frame.settings, field))
+    ):
         stretch = list(group)
         if any(isinstance(model, Opaque) for model in models):
             return Comparison(len(frames), got=happened / len(frames), decision="not comparable")
-        stages = loss_stages(models, place(life), "" if verdict == LOST else field)
+        link = place(life).within("duplicate") if copy else place(life)
+        stages = loss_stages(models, link, "" if verdict == LOST else field)
         expected_here = [
             expected_loss(stages, frame.draw, frame.start_ns, frame.settings.bits(frame.size)) for frame in stretch
         ]
@@ -178,8 +184,8 @@ def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdi
     return compare_fraction(expected, happened, variance, alpha)
 
 
-def _duplication(intact: Sequence[_Transmission], copies: int, alpha: float) -> Comparison:
-    expected = [frame.settings.duplication for frame in intact]
+def _duplication(kept: Sequence[_Transmission], copies: int, alpha: float) -> Comparison:
+    expected = [frame.settings.duplication for frame in kept]
     return compare_fraction(expected, copies, math.fsum(p * (1 - p) for p in expected), alpha)
 
 

@@ -102,6 +102,22 @@ def test_duplicates_come_as_often_as_asked_and_with_a_latency_of_their_own() -> 
     assert sum(first.due_ns == second.due_ns for first, second in twice) < 5
 
 
+def test_each_copy_is_damaged_on_its_own() -> None:
+    """One of two copies, both or none, each with the same probability; a frame that is lost or cut has none.
+
+    Fractions are within 4 standard errors.
+    """
+    link, count = way(LinkSettings(corruption=(Bernoulli(0.3),), duplication=1.0)), FRAMES // 10
+    pairs = Counter(tuple(copy.verdict for copy in link.send(link.count(), 0, 0, 8)) for _ in range(count))
+    for first, one in ((CORRUPT, 0.3), (DELIVERED, 0.7)):
+        for second, other in ((CORRUPT, 0.3), (DELIVERED, 0.7)):
+            share = one * other
+            assert abs(pairs[first, second] / count - share) < 4 * (share * (1 - share) / count) ** 0.5
+    for settings in (LinkSettings(loss=(Bernoulli(1.0),), duplication=1.0), LinkSettings(cut=True, duplication=1.0)):
+        link.change(settings)
+        assert len(link.send(link.count(), 0, 0, 8)) == 1
+
+
 def test_causes_count_in_their_order() -> None:
     """Cut before loss before corruption; each model draws whatever the others say."""
     settings = LinkSettings(loss=(Bernoulli(0.3),), corruption=(Bernoulli(0.5),))
