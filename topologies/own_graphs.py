@@ -151,7 +151,10 @@ def _name(node: Hashable, data: Attributes, attribute: str | None, remedies: Rem
         known = ", ".join(data) or "none"
         raise BadInput(f"the node {node!r} has no attribute {attribute!r} to be named by; it has {known}")
     letters = unicodedata.normalize("NFKD", str(value)).encode("ascii", "ignore").decode()
-    return check_name(_OTHER_CHARACTERS.sub("_", letters).strip("_") or str(value))
+    try:
+        return check_name(_OTHER_CHARACTERS.sub("_", letters).strip("_") or str(value))
+    except BadInput as error:
+        raise BadInput(f"the node {node!r}: {error}") from error
 
 
 def _number_as_text(value: Any) -> Any:

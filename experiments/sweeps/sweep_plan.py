@@ -85,7 +85,7 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A sweep as data. `made_with`: versions, and a hash of the code, on which bits depend.
+    """A sweep as data. `made_with`: versions, and hashes of code, graphs and traces, on which bits depend.
 
     `loaded`: the scenario and plan of each cell, where the sweep is to be carried out and not only read again.
     """
@@ -190,7 +190,9 @@ def plan_sweep(
         swept.append(SweptCell(labels, text, pairing(one.plan)))
         loaded.append(one)
     of_axes = tuple(map(_swept_axis, spanned(axes, cells)))
-    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made_with(modules), tuple(loaded))
+    files = _hash(sorted({file for one in loaded for file in one.files}))
+    made = {**made_with(modules), "files": files}
+    return SweepPlan(base.name, base.seed, engine, of_axes, tuple(swept), made, tuple(loaded))
 
 
 def _axes(over: Sequence[str] | Over) -> list[Axis]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from ruamel.yaml import YAML
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
+from volery.experiments.sweeps.sweep_plan import plan_sweep
+from volery.kinds import _added
 from volery.transport.latency_settings import Constant, Normal
 from volery.transport.loss_settings import Bernoulli
 
@@ -234,6 +237,35 @@ def test_graphs_of_a_schedule_set_links_too(tmp_path: Path) -> None:
     schedule = "{{schedule: [{{from: 0 s, file: a.json}}, {{from: 1 s, file: {}.json}}]}}"
     assert plan_of(tmp_path, schedule.format("b")).links["1", "2"].latency == Constant(5 * MS)
     assert "edges 1-2 that are joined differ in latency" in refusal(tmp_path, schedule.format("c"))
+
+
+def test_graphs_of_a_schedule_are_of_any_kind(tmp_path: Path) -> None:
+    """A function's too, with its parameters beside the instant."""
+    plan = plan_of(
+        tmp_path, "{schedule: [{from: 0 s, edges: [0-1, 1-2]}, {from: 1 s, kind: my_top:drawn, count: 3, seed: 0}]}"
+    )
+    assert [agent.name for agent in plan.agents] == ["0", "1", "2", "1000"]
+
+
+def test_an_installed_package_declares_kinds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are named as the built-in ones, with the first parameter as the value."""
+    found = [EntryPoint("ladder", "my_top:ladder", "volery.topologies")]
+    monkeypatch.setattr("volery.kinds.entry_points", lambda group: found if group == "volery.topologies" else [])
+    _added.cache_clear()
+    try:
+        assert len(plan_of(tmp_path, "{ladder: 3, gap: 2 m}").agents) == 6
+    finally:
+        _added.cache_clear()
+
+
+def test_a_sweep_knows_its_graphs(tmp_path: Path) -> None:
+    """Results with another file are results of another sweep."""
+    path = tmp_path / "net.edges"
+    made = []
+    for edges in ("1 2\n2 3\n", "1 2\n2 3\n3 1\n"):
+        path.write_text(edges)
+        made.append(plan_sweep({**FIELDS, "topology": {"file": str(path)}}).made_with["files"])
+    assert made[0] != made[1]
 
 
 def test_edges_have_positions(tmp_path: Path) -> None:
