@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from volery.errors import BadInput
 from volery.experiments.scenario.explaining import read
-from volery.topologies import Formation, Position, TimedGraph
+from volery.topologies import Formation, Position, TimedGraph, edges
 from volery.topologies.over_time import GRAPHS, Topology
 from volery.topologies.presence import Places
 from volery.worlds.world_kinds import AnyWorld
@@ -59,6 +59,13 @@ def build_over_time(spec: Mapping[str, Any], seed: int, until_ns: int, places: P
     with _below(f"topology.{GRAPHS.name_of(type(settings))}"):
         graph: TimedGraph = settings.over_time(seed, until_ns, places)
         return graph
+
+
+def edges_at(graph: TimedGraph, time_ns: int) -> list[tuple[str, str]]:
+    """The edges that are present at an instant, in natural order."""
+    always = ((0, time_ns + 1),)
+    spans = {edge: graph.presence.get(edge, always) for edge in edges(graph.union)}
+    return [edge for edge, its in spans.items() if any(start <= time_ns < end for start, end in its)]
 
 
 def build_formation(spec: Mapping[str, Any], count: int, place: str = "formation") -> NDArray[np.float64]:

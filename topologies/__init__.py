@@ -10,12 +10,12 @@ from .arrays import MODULE_SPACING, four_module_array, hexagonal, random_hexagon
 from .colouring import node_colouring
 from .fastest_mixing import fastest_mixing
 from .files import read
-from .formations import Formation, formation_state
+from .formations import Formation
 from .graph_settings import GraphSettings
 from .graphs import Position, agents, edges, from_edges, neighbours, ordered, positions, validate
 from .naming import check_name, natural_key
 from .own_graphs import link_attributes, topology_of
-from .presence import Edge, Span, TimedGraph, disconnected, edges_at, mean_connectivity, mean_laplacian
+from .presence import Edge, Span, TimedGraph, disconnected, mean_connectivity, mean_laplacian
 from .random_graphs import erdos_renyi, geometric, proximity, small_world
 from .regular import complete, grid, line, ring, star
 from .spectra import (
@@ -48,10 +48,8 @@ __all__ = [
     "diameter",
     "disconnected",
     "edges",
-    "edges_at",
     "erdos_renyi",
     "fastest_mixing",
-    "formation_state",
     "four_module_array",
     "from_edges",
     "geometric",

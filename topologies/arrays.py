@@ -13,8 +13,7 @@ import networkx as nx
 from ..errors import BadInput
 from ..randomness import stream
 from ..units import BareMetres, check_above_zero
-from .bounds import at_least
-from .graphs import from_edges
+from .graphs import at_least, from_edges
 from .regular import centred
 
 Cell = tuple[int, int]

@@ -6,8 +6,7 @@ from itertools import count
 
 import networkx as nx
 
-from .bounds import at_least
-from .graphs import agents
+from .graphs import agents, at_least
 
 
 def node_colouring(graph: nx.Graph, distance: int = 2) -> dict[str, int]:

@@ -114,18 +114,6 @@ class Formation:
         return np.asarray(places @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]))
 
 
-def formation_state(places: Floats) -> Floats:
-    """The state of a formation at rest at these positions, [r₁, 0, r₂, 0, …] with r_i = p_i − p_(i+1).
-
-    Args:
-        places: positions (N, 3) [m].
-    Returns:
-        (6 (N − 1),) [m, m/s].
-    """
-    differences = places[:-1] - places[1:]
-    return np.hstack((differences, np.zeros_like(differences))).ravel()
-
-
 def _triangle(count: int) -> Floats:
     if count != 3:
         raise BadInput(f"a triangle has 3 vehicles, not {count}: use ring, vee, grid or places")

@@ -14,6 +14,17 @@ from .naming import check_name, natural_key
 Position = tuple[float, ...]
 
 
+def at_least(value: int, bound: int, what: str) -> int:
+    """Return the value if it is at least the bound.
+
+    Raises:
+        BadInput: the value is below the bound.
+    """
+    if value < bound:
+        raise BadInput(f"{what} is {value}, it must be at least {bound}")
+    return value
+
+
 def agents(graph: nx.Graph) -> list[str]:
     """Names of all agents in natural order, which is the order of rows of every matrix in this package."""
     return sorted(graph, key=natural_key)

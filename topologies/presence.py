@@ -5,7 +5,6 @@ Time is in whole nanoseconds, spans are half-open. An edge without spans is alwa
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -85,19 +84,6 @@ def epochs(graphs: Sequence[tuple[int, Iterable[Edge]]], until_ns: int) -> dict[
         for edge in its:
             found.setdefault(ordered(*edge), []).append((begin, end))
     return {edge: merged(spans) for edge, spans in found.items()}
-
-
-def is_there(spans: Sequence[Span], time_ns: int) -> bool:
-    """Whether an instant is in one of these ascending spans."""
-    index = bisect_right(spans, time_ns, key=lambda span: span[0]) - 1
-    return index >= 0 and time_ns < spans[index][1]
-
-
-def edges_at(graph: TimedGraph, time_ns: int) -> list[Edge]:
-    """The edges present at an instant, in natural order, each with its lower name first."""
-    return [
-        edge for edge in edges(graph.union) if edge not in graph.presence or is_there(graph.presence[edge], time_ns)
-    ]
 
 
 def disconnected(graph: TimedGraph, until_ns: int) -> tuple[Span, ...]:

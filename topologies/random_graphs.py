@@ -13,8 +13,7 @@ import numpy as np
 from ..errors import BadInput
 from ..randomness import stream
 from ..units import BareMetres, Count, Probability, check_above_zero
-from .bounds import at_least
-from .graphs import Position, validate
+from .graphs import Position, at_least, validate
 from .naming import check_name, natural_key
 from .regular import centred
 

@@ -7,8 +7,7 @@ import math
 import networkx as nx
 
 from ..units import BareMetres, Count, check_above_zero
-from .bounds import at_least
-from .graphs import Position, from_edges
+from .graphs import Position, at_least, from_edges
 
 
 def line(count: Count, spacing: BareMetres = 1.0) -> nx.Graph:

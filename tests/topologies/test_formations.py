@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from volery.errors import BadInput
-from volery.topologies import formation_state
 
 from ..surroundings import build_formation as formation
 
@@ -70,12 +69,6 @@ def test_changes_are_applied_one_after_the_other() -> None:
     assert moved[1] - moved[2] == pytest.approx(swapped[1] - swapped[2])
     turned = formation({"line": "1 m", "turned": "90 deg"}, 3)
     assert turned == pytest.approx(plain[:, [1, 0, 2]] * [-1.0, 1.0, 1.0], abs=ROUNDING)
-
-
-def test_the_state_of_a_shape_at_rest() -> None:
-    """Differences of one vehicle and the next, each followed by a velocity of zero."""
-    places = np.array([[0.0, 1.0, 2.0], [1.0, 1.0, 1.0], [5.0, 0.0, 0.0]])
-    assert formation_state(places).tolist() == [-1, 0, 1, 0, 0, 0, -4, 1, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize(

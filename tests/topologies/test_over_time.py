@@ -12,7 +12,7 @@ from volery import topologies
 from volery.errors import BadInput
 from volery.topologies.over_time import Proximity
 
-from ..surroundings import build_graph, build_over_time
+from ..surroundings import build_graph, build_over_time, edges_at
 
 S = 1_000_000_000
 END = 10 * S
@@ -48,8 +48,8 @@ def test_random_graphs_of_a_schedule_use_the_seed_of_the_run() -> None:
     kind = {"erdos-renyi": {"count": 8, "probability": 0.4}}
     own = {"erdos-renyi": {"count": 8, "probability": 0.4, "seed": 5}}
     graph = build_over_time({"schedule": [{"from": "0 s", **kind}, {"from": "5 s", **own}]}, 9, END)
-    assert topologies.edges_at(graph, 0) == topologies.edges(build_graph(kind, 9))
-    assert topologies.edges_at(graph, 5 * S) == topologies.edges(build_graph(own, 9))
+    assert edges_at(graph, 0) == topologies.edges(build_graph(kind, 9))
+    assert edges_at(graph, 5 * S) == topologies.edges(build_graph(own, 9))
 
 
 def test_spans_of_edges() -> None:
@@ -57,7 +57,7 @@ def test_spans_of_edges() -> None:
     spec = {"edges": {"1-2": "always", "3-2": [["6 s", "8 s"], ["0 s", "2 s"], ["9 s"]], "a-1": [["0 s", "99 s"]]}}
     graph = build_over_time(spec, 1, END)
     assert graph.presence == {("2", "3"): ((0, 2 * S), (6 * S, 8 * S), (9 * S, END))}
-    assert topologies.edges_at(graph, 3 * S) == [("1", "2"), ("1", "a")]
+    assert edges_at(graph, 3 * S) == [("1", "2"), ("1", "a")]
 
 
 def test_edges_that_never_go() -> None:

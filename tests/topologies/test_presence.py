@@ -15,6 +15,8 @@ from volery.errors import BadInput
 from volery.topologies import presence
 from volery.topologies.presence import Span, TimedGraph
 
+from ..surroundings import edges_at
+
 END = 40
 SPANS = st.lists(st.tuples(st.integers(-5, 45), st.integers(-5, 45)), max_size=8)
 PATH = [("1", "2"), ("2", "3"), ("3", "4")]
@@ -44,7 +46,7 @@ def test_an_edge_is_there_exactly_in_its_spans(spans: dict[tuple[str, str], list
         return
     graph = presence.timed(spans, END)
     for instant in range(END):
-        assert presence.edges_at(graph, instant) == [edge for edge in PATH if instant in inside[edge]]
+        assert edges_at(graph, instant) == [edge for edge in PATH if instant in inside[edge]]
     apart = presence.disconnected(graph, END)
     assert instants(apart) == {instant for instant in range(END) if not all(instant in its for its in inside.values())}
     assert presence.merged(apart) == apart
@@ -78,7 +80,7 @@ def test_the_mean_laplacian_is_the_average_over_time() -> None:
     for instant in range(END):
         now = nx.Graph()
         now.add_nodes_from("123")
-        now.add_edges_from(presence.edges_at(graph, instant))
+        now.add_edges_from(edges_at(graph, instant))
         total += topologies.laplacian(now) / END
     np.testing.assert_allclose(presence.mean_laplacian(graph, END), total, atol=1e-14)
     ring = topologies.ring(7)
