@@ -90,7 +90,7 @@ def test_file(tmp_path: Path) -> None:
         ),
         (
             {"erdos-renyi": {"count": 4, "probability": float("nan")}},
-            "topology.erdos-renyi: probability is nan, it must be above 0 and at most 1",
+            "topology.erdos-renyi.probability: probability is nan, it must be at least 0 and at most 1",
         ),
         ({"cells": 4}, "topology.cells: should be a list, not 4"),
         ({"cells": [[0, 0], [1]]}, "topology.cells.1.1: is missing"),
