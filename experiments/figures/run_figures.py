@@ -38,8 +38,8 @@ _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN, _PAD_IN = 1.35, 4.4, 0.07
 _PANELS, _OVERVIEW_PANELS = 12, 6
-_LONG = 10.0
-"""So many times the usual step between reports interrupt a line."""
+_LONG = 5.0
+"""A line is interrupted for so many times the step between reports that nine of ten are not above."""
 _COLUMNS, _OVERVIEW_COLUMNS = 6, 3
 """Agents that have columns of their own, where each estimates something else."""
 SKY, BLUE, VERMILION, GREEN, PURPLE, BLACK = "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
@@ -223,7 +223,7 @@ def _draw_own(axes: Axes, seen: Samples, agent: int, number: int, factor: float)
     """One component of what an agent estimates of its own, interrupted where it did not report for long."""
     known = np.flatnonzero(~np.isnan(seen.estimate[:, agent]).any(axis=1))
     steps = np.diff(seen.time_ns[known])
-    breaks = np.flatnonzero(steps > _LONG * np.median(steps)) + 1 if len(steps) else np.zeros(0, dtype=np.int64)
+    breaks = np.flatnonzero(steps > _LONG * np.quantile(steps, 0.9)) + 1 if len(steps) else np.zeros(0, dtype=np.int64)
 
     def course(values: NDArray[Any]) -> NDArray[np.float64]:
         return np.insert(values[known].astype(np.float64), breaks, np.nan, axis=0)

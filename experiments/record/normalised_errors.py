@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -33,7 +34,7 @@ def normalised_squares(reports: Series, errors: Floats, covariances: Series) -> 
     Args:
         reports: whose errors these are.
         errors: of each, (n, m).
-        covariances: reports of P; that of the same instant and index belongs to a report.
+        covariances: reports of P; those of the same instant and index belong together, in their order.
     Raises:
         BadInput: as `standard_deviations`.
     """
@@ -57,5 +58,9 @@ def _matrices(reports: Series, covariances: Series, size: int) -> Iterator[tuple
             yield row, unpack_covariance(numbers, size)
 
 
-def _keys(series: Series) -> Iterator[tuple[int, int]]:
-    return zip(series.time_ns.tolist(), series.sample.tolist(), strict=True)
+def _keys(series: Series) -> Iterator[tuple[int, int, int]]:
+    """Instant and index of each report, and how many of the same came before it."""
+    before: Counter[tuple[int, int]] = Counter()
+    for key in zip(series.time_ns.tolist(), series.sample.tolist(), strict=True):
+        yield (*key, before[key])
+        before[key] += 1

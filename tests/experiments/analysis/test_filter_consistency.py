@@ -73,6 +73,15 @@ class Robot(Agent):
         self.context.set_timer(period_ns(RATE_HZ, timer.index + 1), index=timer.index + 1)
 
 
+class Hasty(Robot):
+    """Reports twice at one instant under one index, with errors of 1 and 2 and variances of 1 and 4."""
+
+    def on_timer(self, timer: Timer) -> None:
+        """Two innovations."""
+        for error in (1.0, 2.0):
+            self.context.report("range", error, covariance=error**2)
+
+
 class Overconfident(Robot):
     """States a third of its deviation."""
 
@@ -118,6 +127,12 @@ def test_bounds_count_each_agent_once_a_second(plan_of: Make) -> None:
     assert (one.low, one.high) == pytest.approx(
         (1 - 1.96 * math.sqrt(2 / 270), 1 + 1.96 * math.sqrt(2 / 270)), abs=0.01
     )
+
+
+def test_reports_of_one_instant_have_their_own_covariances(plan_of: Make) -> None:
+    """As innovations of two frames that came at once."""
+    record = flown(plan_of, Hasty, 1)
+    assert record.nees("range")["1"].tolist() == [1.0, 1.0]
 
 
 def test_ones_own_state_has_errors_and_no_disagreement(plan_of: Make) -> None:
