@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 def flown() -> list[Stamped]:
-    """What the sensors of the scenario measure, in the order of time."""
+    """The measurements of the scenario's sensors in the order of time."""
     plan = load_scenario(SCENARIO, [f"duration={SECONDS} s"]).plan
     taken = ((agent, sample) for (agent, _), batch in recorded(plan).batches.items() for sample in batch.samples)
     found = (Stamped(one.time_ns, agent, np.array(one.value)) for agent, one in taken if one.value is not None)
@@ -40,7 +40,7 @@ def volery_side(variant: str) -> dict[str, float]:
 
 
 def filterpy_side() -> dict[str, float]:
-    """The same model, as one would write it for filterpy: matrices are made once, and what changes is put into them."""
+    """The same model in filterpy, with matrices made once and updated in place."""
     from filterpy.kalman import ExtendedKalmanFilter
 
     model = ModularFilter(Robot(), Ground(), list(SENSORS.items()), GroundJumps("as_printed"))

@@ -53,7 +53,7 @@ def timed(step: Callable[[Sequence[Floats]], Floats]) -> dict[str, float]:
 
 
 def volery() -> dict[str, float]:
-    """LQS with a mounting, and a step of the dynamic consensus with two neighbours that say the same."""
+    """LQS with a mounting, and a step of dynamic consensus with two neighbours of equal state."""
     mounting = euler_to_quaternion(math.radians(135), 0.0, 0.0)
     turned_back = conjugate(mounting)
     own = AttitudeMessage(START, START)

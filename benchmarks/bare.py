@@ -1,4 +1,4 @@
-"""The other sides of the benchmarks: crowds of processes from the same fork server, without volery."""
+"""The other sides of the benchmarks: processes from the same fork server, without volery."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HEAD_START_NS = 300_000_000
 
 
 class _Crowd:
-    """Processes, and a pipe to each; they end when they are told a last word."""
+    """Processes with a pipe to each; any message ends them."""
 
     def __init__(self) -> None:
         prepare()
@@ -30,7 +30,7 @@ class _Crowd:
         self.pipes: list[Connection] = []
 
     def spawn(self, target: Any, first: str, *arguments: Any) -> None:
-        """One more: `target(first, pipe, …)`."""
+        """Start a process: `target(first, pipe, …)`."""
         mine, its = self._context.Pipe()
         process = self._context.Process(target=target, args=(first, its, *arguments), daemon=True)
         process.start()
@@ -39,7 +39,7 @@ class _Crowd:
         self.pipes.append(mine)
 
     def ask(self) -> list[Any]:
-        """What each of them says next."""
+        """The next message of each process."""
         answers = []
         for pipe in self.pipes:
             if not pipe.poll(_ANSWER_TIMEOUT_S):
@@ -82,7 +82,7 @@ class _Hub:
 
 
 def cpu(agents: int, degree: int, rate: float, seconds: float) -> dict[str, float]:
-    """Processor time of all processes per message, put to received, in µs."""
+    """Processor time of all processes per message, from put to receive [µs]."""
     with _Hub() as hub, _Crowd() as crowd:
         for name, neighbours in ring(agents, degree).items():
             crowd.spawn(bare_processes.talk, hub.endpoint, name, neighbours, rate)
@@ -95,7 +95,7 @@ def cpu(agents: int, degree: int, rate: float, seconds: float) -> dict[str, floa
 
 
 def startup(agents: int) -> dict[str, float]:
-    """Seconds from nothing until every process has a session and a token, and memory per process in MB."""
+    """Time until every process has a session and a token [s], and memory per process [MB]."""
     began = time.monotonic_ns()
     alive: dict[str, int] = {}
     with _Hub() as hub, _Crowd() as crowd:
@@ -115,7 +115,7 @@ def startup(agents: int) -> dict[str, float]:
 
 
 def relay(kind: str, agents: int, degree: int, rate: float, seconds: float, latency_ms: float) -> dict[str, float]:
-    """Delivered minus due in µs of UDP packets on loopback that each receiver holds, by `timerfd` or `call_at`."""
+    """Delay error [µs] of UDP packets on loopback that each receiver holds with `timerfd` or `call_at`."""
     neighbours = ring(agents, degree)
     with _Crowd() as crowd:
         for _ in neighbours:

@@ -1,4 +1,4 @@
-"""What runs in the processes that volery is compared with. Imports no more than they need."""
+"""Code of the processes that volery is compared with; imports only what they need."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from volery.transport.timerfd import TimerFd
 
 
 class _Talker:
-    """Puts the same bytes to every neighbour at a rate; receives with a callback, a deque and one wake-up."""
+    """Sends the same bytes to every neighbour at a rate; receives with a callback, a deque and one wake-up."""
 
     def __init__(self, session: zs.Session, name: str, neighbours: tuple[str, ...], rate: float) -> None:
         self.loop = asyncio.get_running_loop()
@@ -47,7 +47,7 @@ class _Talker:
             self.frames += 1
 
     async def talk(self, first_ns: int, begin_ns: int, end_ns: int) -> tuple[float, int]:
-        """Talk from an instant on; processor time and frames heard between two others."""
+        """Send from `first_ns`; processor time and number of received frames between `begin_ns` and `end_ns`."""
         turns = 0
 
         def send() -> None:
@@ -68,7 +68,7 @@ class _Talker:
 
 
 def talk(endpoint: str, pipe: Connection, name: str, neighbours: tuple[str, ...], rate: float) -> None:
-    """A process that talks over Zenoh."""
+    """A process that sends and receives over Zenoh."""
 
     async def life() -> None:
         session = zs.open_client(endpoint, zs.Credentials("bench", "bench"))
@@ -84,7 +84,7 @@ def talk(endpoint: str, pipe: Connection, name: str, neighbours: tuple[str, ...]
 
 
 def live(endpoint: str, pipe: Connection, name: str) -> None:
-    """A process that has a session and a liveliness token, and nothing else."""
+    """A process with a session and a liveliness token only."""
     session = zs.open_client(endpoint, zs.Credentials("bench", "bench"))
     token = session.liveliness().declare_token(f"bench/alive/{name}")
     pipe.recv()
@@ -96,7 +96,7 @@ def live(endpoint: str, pipe: Connection, name: str) -> None:
 
 
 class _Relay:
-    """Sends packets that bear the clock's reading, holds those of others for a while, and notes how much too long."""
+    """Sends packets with the time of sending, holds received ones for a time, and records the error of that time."""
 
     def __init__(self, sock: socket.socket, hold_ns: int, begin_ns: int) -> None:
         self.loop = asyncio.get_running_loop()
@@ -115,11 +115,11 @@ class _Relay:
             return
 
     def hold(self, due_ns: int, packet: bytes) -> None:
-        """Deliver the packet when it is due."""
+        """Hold a packet until it is due."""
         raise NotImplementedError
 
     def deliver(self, due_ns: int, packet: bytes) -> None:
-        """Look at the clock."""
+        """Record the delay error."""
         now = time.monotonic_ns()
         if due_ns >= self.begin_ns:
             self.errors.append(now - due_ns)
@@ -150,7 +150,7 @@ class TimerFdRelay(_Relay):
         self.timer = TimerFd(self.loop, self._due)
 
     def hold(self, due_ns: int, packet: bytes) -> None:
-        """Into the heap."""
+        """Add the packet to the heap."""
         heappush(self.heap, (due_ns, packet))
         if self.heap[0][0] == due_ns:
             self.timer.set(due_ns)
@@ -163,10 +163,10 @@ class TimerFdRelay(_Relay):
 
 
 class CallAtRelay(_Relay):
-    """Leaves the packets to the loop's `call_at`."""
+    """Holds packets with the loop's `call_at`."""
 
     def hold(self, due_ns: int, packet: bytes) -> None:
-        """Into the loop's own heap."""
+        """Schedule the packet in the loop."""
         self.loop.call_at(due_ns / 1e9, self.deliver, due_ns, packet)
 
 
@@ -174,7 +174,7 @@ _RELAYS = {"timerfd": (TimerFdRelay, uvloop.run), "call_at": (CallAtRelay, async
 
 
 def relay(kind: str, pipe: Connection, rate: float, hold_ns: int) -> None:
-    """A process that sends, and holds what it hears."""
+    """A process that sends packets and holds received ones."""
     make, run = _RELAYS[kind]
 
     async def life() -> list[int]:

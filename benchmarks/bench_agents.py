@@ -1,4 +1,4 @@
-"""Agents that do nothing but talk, and two that look at the clock, which only a benchmark may."""
+"""Agents that only send, and two that read the clock, as only benchmarks may."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PulseParameters:
 
 
 class Pulse(Agent):
-    """Sends the same payload to every neighbour, again and again; what it hears it forgets."""
+    """Sends the same payload to every neighbour periodically, and ignores what it receives."""
 
     Parameters = PulseParameters
     timers_only = True
@@ -36,7 +36,7 @@ class Pulse(Agent):
         self.context.set_timer(self.parameters.phase_ns, "pulse", 0)
 
     def on_timer(self, timer: Timer) -> None:
-        """Send, and come back a period later."""
+        """Send, and set the timer for the next period."""
         for neighbour in self.context.neighbours:
             self.context.send(neighbour, self.payload)
         index = timer.index + 1
@@ -44,16 +44,16 @@ class Pulse(Agent):
 
 
 class Stopwatch(Pulse):
-    """A pulse that notes when each frame is handled: `error` is the monotonic clock minus the due time, in ns."""
+    """A pulse that reports `error` of each frame: the monotonic clock when it is handled minus its due time [ns]."""
 
     def start(self) -> None:
-        """Set the timer of the report too."""
+        """Also set the timer of the report."""
         super().start()
         self.errors: list[int] = []
         self.context.set_timer(self.parameters.end_ns, "report")
 
     def on_frame(self, frame: Received) -> None:
-        """Look at the clock first."""
+        """Read the clock first."""
         now = time.monotonic_ns()
         if frame.time_ns >= self.parameters.begin_ns:
             self.errors.append(now - frame.time_ns)
@@ -67,10 +67,10 @@ class Stopwatch(Pulse):
 
 
 class Meter(Pulse):
-    """A pulse that reports the processor time of its process, all threads, and the frames that it handled meanwhile."""
+    """A pulse that reports the processor time of its process, of all threads, and its number of handled frames."""
 
     def start(self) -> None:
-        """Set the timers of the measurement too."""
+        """Also set the timers of the measurement."""
         super().start()
         self.frames = 0
         self.context.set_timer(self.parameters.begin_ns, "begin")
@@ -81,7 +81,7 @@ class Meter(Pulse):
         self.frames += 1
 
     def on_timer(self, timer: Timer) -> None:
-        """Send, or look at the meter."""
+        """Send, or read the processor time."""
         if timer.name == "begin":
             self.before = (time.process_time(), self.frames)
         elif timer.name == "end":

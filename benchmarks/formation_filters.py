@@ -25,7 +25,7 @@ Side = Callable[[int], None]
 
 
 class _Data:
-    """Forces, and what a vehicle sees and hears in each step of a batch; every batch has the same."""
+    """Forces, measurements and received messages of one vehicle in each step of a batch, the same in every batch."""
 
     def __init__(self, vehicles: int, heard: tuple[Pair, ...]) -> None:
         self.model = FormationModel(vehicles, STEP_NS)
@@ -33,7 +33,7 @@ class _Data:
         flat = iter(range(10**9))
         self.forces = np.array([[draws.normal(next(flat)) for _ in range(3 * vehicles)] for _ in range(STEPS)])
         self.seen = np.array([[draws.normal(next(flat)) for _ in range(3)] for _ in range(STEPS)])
-        self.told = np.array([[[draws.normal(next(flat)) for _ in range(6)] for _ in heard] for _ in range(STEPS)])
+        self.messages = np.array([[[draws.normal(next(flat)) for _ in range(6)] for _ in heard] for _ in range(STEPS)])
         self.heard = heard
         self.camera = np.eye(3) * CAMERA_NOISE**2
         self.message = np.diag(np.repeat([POSITION_NOISE**2, VELOCITY_NOISE**2], 3))
@@ -47,8 +47,8 @@ class _Data:
     @property
     def noise(self) -> NDArray[np.float64]:
         """R and N, dense."""
-        told = np.tile(self.message.diagonal(), len(self.heard))
-        return np.diag(np.concatenate([self.camera.diagonal(), told]))
+        variances = np.tile(self.message.diagonal(), len(self.heard))
+        return np.diag(np.concatenate([self.camera.diagonal(), variances]))
 
 
 def twelve_states(heard: int, form: Form = "joseph") -> list[list[Sample]]:
@@ -88,16 +88,16 @@ def _volery(data: _Data, form: Form = "joseph") -> tuple[Side, Callable[[], NDAr
     own = FormationFilter(data.model, np.zeros(data.model.size), form=form)
     seen_pair, heard_pairs = ((0, 1),), [(pair,) for pair in data.heard]
     steps = [
-        (forces, seen, list(zip(heard_pairs, told, strict=True)))
-        for forces, seen, told in zip(data.forces, data.seen, data.told, strict=True)
+        (forces, seen, list(zip(heard_pairs, received, strict=True)))
+        for forces, seen, received in zip(data.forces, data.seen, data.messages, strict=True)
     ]
 
     def run(batch: int) -> None:
         time_ns = batch * STEPS * STEP_NS
-        for forces, seen, told in steps:
+        for forces, seen, received in steps:
             time_ns += STEP_NS
             own.predict(time_ns, forces)
-            messages = [Observation(pair, values, data.message) for pair, values in told]
+            messages = [Observation(pair, values, data.message) for pair, values in received]
             own.update([Observation(seen_pair, seen, data.camera), *messages])
 
     return run, lambda: own.state
@@ -110,7 +110,7 @@ def _filterpy(data: _Data) -> tuple[Side, Callable[[], NDArray[np.float64]]]:
         matrix(seconds) for matrix in (data.model.transition, data.model.input_map, data.model.process_noise)
     )
     theirs.H, theirs.R = rows, data.noise
-    columns = np.hstack([data.seen, data.told.reshape(STEPS, -1)])[:, :, np.newaxis]
+    columns = np.hstack([data.seen, data.messages.reshape(STEPS, -1)])[:, :, np.newaxis]
     steps = list(zip(data.forces[:, :, np.newaxis], columns, strict=True))
 
     def run(_: int) -> None:

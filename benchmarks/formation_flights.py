@@ -1,4 +1,4 @@
-"""The world of a formation by itself: vehicles that are steered, their cameras and inertial measurement units read."""
+"""The world of a formation alone: vehicles under control, with cameras and inertial measurement units."""
 
 from __future__ import annotations
 

@@ -51,9 +51,9 @@ def own(samples: int) -> dict[str, object]:
             measurement = None if z is None else Measurement(rows[n], R, z)
             one.begin(Moment(sample, measurement, (step,) * min(sample, 1), PARTS[n].weights))
         for _ in range(_ROUNDS):
-            told = {n: one.message(next(iter(PARTS[n].weights))) for n, one in filters.items()}
+            messages = {n: one.message(next(iter(PARTS[n].weights))) for n, one in filters.items()}
             for n, one in filters.items():
-                one.hear({j: vector for j in PARTS[n].weights if (vector := told[j]) is not None})
+                one.hear({j: vector for j in PARTS[n].weights if (vector := messages[j]) is not None})
         beliefs = {n: one.end() for n, one in filters.items()}
     spent = time.process_time() - started
     return {"microseconds": 1e6 * spent / (samples - _WARM_UP), "means": [beliefs[n].mean.tolist() for n in NAMES]}

@@ -1,4 +1,4 @@
-"""Live faults of a running swarm, timed: from the command to the instant of effect, the same one on all links."""
+"""Time of live faults in a running swarm from the command to the instant of effect."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _RUN = "bench"
 
 
 def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, float]:
-    """Milliseconds from the call to the instant of effect, of cuts of all links one after the other in realtime pace.
+    """Milliseconds from the call to the instant of effect, for consecutive cuts of all links in realtime pace.
 
-    `stray`: frames that were cut outside the instants of a fault, or came through within; `late`: late faults.
+    `stray`: frames that were cut outside of a fault, or delivered during one; `late`: late faults.
     """
     seconds = _WARM_S + faults * _LONGEST_S
     plan = pulses("bench_agents:Pulse", ring(agents, degree), rate, seconds, LinkSettings(latency=Constant(20_000_000)))
@@ -55,8 +55,8 @@ def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, flo
 
 
 async def _command(folder: Path, injector: Injector) -> int:
-    """Cut all links for a moment, once the last cut is over; when the call began, on the monotonic clock."""
-    while injector.in_force():  # noqa: ASYNC110 - what is waited for has no event of its own
+    """Cut all links briefly after the last cut is over; the time of the call on the monotonic clock [ns]."""
+    while injector.in_force():  # noqa: ASYNC110 - there is no event to wait for
         await asyncio.sleep(_LOOK_S)
     began_ns = time.monotonic_ns()
     await asyncio.to_thread(volery.connect(folder).inject, {"cut": "all", "for": _LASTS})
@@ -64,7 +64,7 @@ async def _command(folder: Path, injector: Injector) -> int:
 
 
 def _stray(record: Record) -> int:
-    """Frames whose fate is not what the faults say at the instant of their start."""
+    """Number of frames whose fate contradicts the faults at their start."""
 
     def is_cut(start_ns: int) -> bool:
         return any(fault.in_force(start_ns) for fault in record.faults)

@@ -1,4 +1,4 @@
-"""How the benchmarks measure: each sample in a fresh interpreter, sides in turn, medians, plain verdicts."""
+"""Measurement of the benchmarks: samples in new interpreters, sides in turn, medians, verdicts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _SAMPLE_TIMEOUT_S = 120
 
 
 def fresh(function: str, **arguments: Any) -> Any:
-    """What `module:function` of this folder returns, called in an interpreter of its own.
+    """The result of `module:function` of this folder, called in a new interpreter.
 
-    Nothing of one sample, a warm fork server above all, is left over for the next. It computes on one BLAS thread, as
+    So no state, such as a running fork server, is carried over to the next sample. It runs with one BLAS thread, as
     agents' processes and the twin do.
 
     Raises:
-        RuntimeError: the sample failed; the message is what it said.
+        RuntimeError: the sample failed; the message has its error output.
     """
     module, name = function.split(":")
     code = f"from {module} import {name}; from measuring import answer; answer({name})"
@@ -41,16 +41,16 @@ def fresh(function: str, **arguments: Any) -> Any:
 
 
 def answer(function: Any) -> None:
-    """The other end of `fresh`: print the result as the last line."""
+    """Called by `fresh`: print the result as the last line."""
     print(json.dumps(function(**json.loads(sys.argv[1]))))
 
 
 def in_turn(sides: Mapping[str, Mapping[str, Any]], repetitions: int) -> dict[str, list[Any]]:
-    """Samples of each side, A B A B, so that what else the machine does meets all of them alike.
+    """Samples of each side, A B A B, so that other load on the machine affects all of them alike.
 
     Args:
         sides: name → {"function": "module:function", arguments…}.
-        repetitions: samples of each.
+        repetitions: number of samples of each side.
     """
     samples: dict[str, list[Any]] = {name: [] for name in sides}
     for _ in range(repetitions):
@@ -65,12 +65,12 @@ def medians(samples: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def median_ratio(samples: Sequence[Mapping[str, float]], beside: Sequence[Mapping[str, float]], field: str) -> float:
-    """Median of the ratios of samples that were taken one after the other."""
+    """Median of the ratios of consecutive samples."""
     return median(own[field] / other[field] for own, other in zip(samples, beside, strict=True))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print rows under a head, the first column left, the others right."""
+    """Print a table, the first column left-aligned, the others right-aligned."""
     cells = [[str(cell) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
     for row in cells:

@@ -1,4 +1,4 @@
-"""What all sides of a benchmark share: who talks to whom and when, and how samples are summed up."""
+"""Common to all sides of a benchmark: graph, send times, and summaries of samples."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from pathlib import Path
 
 SECOND_NS = 1_000_000_000
 BEGIN_NS = SECOND_NS // 2
-"""Nothing is measured before: caches and connections settle."""
+"""Start of the measurement, after a warm-up of caches and connections."""
 PAYLOAD_BYTES = 40
 
 
 def end_ns(seconds: float) -> int:
-    """When the measurement of a run ends, a little before the run."""
+    """End of the measurement [ns], a little before the end of the run."""
     return int(seconds * SECOND_NS) - 50_000_000
 
 
 def ring(agents: int, degree: int) -> dict[str, tuple[str, ...]]:
-    """Agent → neighbours, on a ring where each talks to the `degree` that are nearest."""
+    """Agent → neighbours, on a ring in which each sends to its `degree` nearest agents."""
     steps = [step for reach in range(1, degree // 2 + 1) for step in (reach, -reach)]
     return {str(i + 1): tuple(str((i + step) % agents + 1) for step in steps) for i in range(agents)}
 
 
 def phase_ns(index: int, agents: int, rate: float) -> int:
-    """When in its period an agent sends, so that all are spread evenly."""
+    """Send time of an agent within its period [ns], spread evenly over all agents."""
     return int(SECOND_NS / rate * index / agents)
 
 
@@ -33,7 +33,7 @@ def quantile(ordered: Sequence[float], share: float) -> float:
 
 
 def delay_summary(errors_ns: Iterable[float]) -> dict[str, float]:
-    """Least, median and 99th percentile in µs, and how many there were."""
+    """Minimum, median and 99th percentile [µs], and number of frames."""
     errors = sorted(error / 1e3 for error in errors_ns)
     return {"min": errors[0], "p50": quantile(errors, 0.5), "p99": quantile(errors, 0.99), "frames": len(errors)}
 

@@ -1,4 +1,4 @@
-"""Volery's side of the benchmarks: plans of talking agents, and what a swarm of them measures about itself."""
+"""Volery's side of the benchmarks: plans of sending agents, and measurements of their swarms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from volery.transport.media_settings import HalfDuplex, Tdma
 
 
 def full_pipeline(latency: Latency) -> LinkSettings:
-    """Every stage of a link at work: TDMA, rate, losses in bursts and a latency."""
+    """A link with every stage: TDMA, rate, losses in bursts and a latency."""
     return LinkSettings(
         medium=HalfDuplex(access=Tdma(100.0, 200_000)), rate=1e6, loss=(GilbertElliott(0.05, 0.3),), latency=latency
     )
@@ -48,7 +48,7 @@ def pulses(
 
 
 class Collected:
-    """A sink that keeps what the benchmark's agents report, and what each process says of itself in the end."""
+    """A sink that keeps the reports of the benchmark's agents, and the last event of each process."""
 
     def __init__(self) -> None:
         self.reports: dict[str, list[list[float]]] = {}
@@ -56,7 +56,7 @@ class Collected:
         self.heard = self.delivered = 0
 
     def __call__(self, batch: Batch) -> None:
-        """Take the entries of one agent."""
+        """Add the entries of one agent."""
         self.heard += len(batch.heard)
         self.delivered += sum(entry.fate == DELIVERED for entry in batch.heard)
         for estimate in batch.estimates:
@@ -64,7 +64,7 @@ class Collected:
         self.done += [event for event in batch.events if event["event"] == "done"]
 
     def event(self, event: dict[str, Any]) -> None:
-        """Events of the run tell nothing here."""
+        """Ignore events of the run."""
 
 
 class TimedSwarm(Swarm):

@@ -3,10 +3,9 @@
     python benchmarks/trials_journals.py              all built-in scenarios
     python benchmarks/trials_journals.py dfa4 mav3    some of them
 
-Digests are of the reports and of the frames of each life of each agent, of each true quantity that a coupled world
-wrote down, and of the central estimates and the truth beside each reported quantity.
-journals.json is of commit 93240e7. Bits depend on NumPy, SciPy, BLAS and the processor: on another kind of machine
-differences say nothing, and both sides must be made on that one.
+Digests are of the reports and frames of each incarnation of each agent, of each true quantity that a coupled world
+recorded, and of the central estimates and the truth of each reported quantity. journals.json is of commit 93240e7. Bits
+depend on NumPy, SciPy, BLAS and the processor: compare only on the same kind of machine.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ def digests(record: Record) -> dict[str, Any]:
 
 
 def different(kept: dict[str, Any], found: dict[str, Any]) -> Iterator[str]:
-    """What of one scenario is not as it was, in words."""
+    """The differences of one scenario, in words."""
     for part, before in kept.items():
         for name in sorted(before.keys() | found[part].keys()):
             if before.get(name) != found[part].get(name):

@@ -1,10 +1,9 @@
-"""Trials by violence: start a run, kill or interrupt it at a random moment, and look for what is left.
+"""Trials: start a run, kill or interrupt it at a random moment, and check what is left.
 
 usage: python benchmarks/trials_orphans.py [TRIALS [SEED]]
 
-Each trial starts `volery run` in a session of its own. This program makes itself the one that inherits orphans, so
-all processes of a run stay its descendants whatever happens to their parents; it touches no others. A trial is passed
-when
+Each trial starts `volery run` in a session of its own. This program makes itself a subreaper, so that all processes of
+a run stay its descendants if their parents die; it touches no others. A trial is passed when
 
 - supervisor killed (kill -9): all its processes end within 3 s; what was recorded can be recovered and read;
 - agent killed (kill -9): the run goes on to its end, says who died, and leaves no process and a whole record;
@@ -47,7 +46,7 @@ _WAYS = ("supervisor killed", "agent killed", "interrupted")
 
 @dataclass(frozen=True)
 class Trial:
-    """One run and what is to happen to it: `after_s` from its start, or from the moment at which it runs."""
+    """One run and how it is disturbed; `after_s`: time from its start, or from when it is running."""
 
     number: int
     way: str
@@ -57,7 +56,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of it; `gone_s` is the time until the last process had ended, `wrong` is empty if all is well."""
+    """Result of a trial; `gone_s`: time until the last process had ended; `wrong`: empty if it is passed."""
 
     trial: Trial
     gone_s: float
@@ -66,7 +65,7 @@ class Finding:
 
 
 def children(pid: int) -> list[int]:
-    """Processes whose parent this is, of all its threads."""
+    """Child processes of all threads of a process."""
     found: list[int] = []
     for task in Path(f"/proc/{pid}/task").glob("*"):
         with contextlib.suppress(OSError):
@@ -75,13 +74,13 @@ def children(pid: int) -> list[int]:
 
 
 def descendants(pid: int) -> list[int]:
-    """Children, their children and so on."""
+    """All descendants of a process."""
     own = children(pid)
     return own + [other for child in own for other in descendants(child)]
 
 
 def reap(supervisor: subprocess.Popen[bytes]) -> list[int]:
-    """Take leave of the dead, the supervisor by way of its handle, and list who is alive."""
+    """Wait for ended processes, and list those that are alive."""
     supervisor.poll()
     for pid in children(os.getpid()):
         if pid != supervisor.pid:
@@ -91,7 +90,7 @@ def reap(supervisor: subprocess.Popen[bytes]) -> list[int]:
 
 
 def wait_until(happened: Callable[[], bool], timeout_s: float) -> bool:
-    """Whether it happened in time."""
+    """Whether a condition holds in time."""
     deadline = time.monotonic() + timeout_s
     while not happened():
         if time.monotonic() > deadline:
@@ -106,7 +105,7 @@ def agents_of(supervisor: int) -> list[int]:
 
 
 def check(trial: Trial, folder: Path, exit_code: int | None, *, ran: bool) -> tuple[int, str]:
-    """Messages in the record, and what is wrong with the run that was left behind."""
+    """Number of messages in the record, and what is wrong with the run."""
     if not (folder / FILE_NAME).exists():
         return 0, "there is no record" if ran else ""
     has_metrics = (folder / METRICS_FILE).exists()
@@ -127,7 +126,7 @@ def check(trial: Trial, folder: Path, exit_code: int | None, *, ran: bool) -> tu
 
 
 def attempt(trial: Trial, runs: Path) -> Finding:
-    """Carry a trial out."""
+    """Run a trial."""
     folder = runs / f"trial{trial.number}"
     options = f"--no-figures --set topology.hexagonal={AGENTS} --set duration={SECONDS:g}s --name {folder.name}"
     command = [sys.executable, "-m", "volery", "run", "dfa16", *options.split(), "--runs", str(runs)]
@@ -157,7 +156,7 @@ def attempt(trial: Trial, runs: Path) -> Finding:
 
 
 def plan(trials: int, seed: int) -> list[Trial]:
-    """The ways in turn, at random moments; a quarter of the killed and interrupted runs is only starting."""
+    """All ways in turn, at random moments; a quarter of the killed and interrupted runs are hit while starting."""
     moments = stream(seed, "moment")
     drawn = []
     for number in range(trials):
@@ -169,7 +168,7 @@ def plan(trials: int, seed: int) -> list[Trial]:
 
 
 def report(findings: list[Finding]) -> None:
-    """Print a table by way, and what went wrong."""
+    """Print a table with a row for each way, and what went wrong."""
     rows = []
     for way in _WAYS:
         mine = [finding for finding in findings if finding.trial.way == way]

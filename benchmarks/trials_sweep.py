@@ -1,4 +1,4 @@
-"""A trial: a thousand twin runs of ten nodes, killed (kill -9) and resumed, and the same again without disturbance.
+"""Trial: a sweep of a thousand twin runs of ten agents, killed (kill -9) and resumed, and the same undisturbed.
 
 Usage: python benchmarks/trials_sweep.py [RUNS [KILLS]]. The exit code is 1 if the two tables differ in any byte.
 """
@@ -17,7 +17,7 @@ RUNS, KILLS = 1000, 3
 
 
 def main() -> int:
-    """Carry out both and compare."""
+    """Run both sweeps and compare their tables."""
     runs, kills = (int(word) for word in (*sys.argv[1:], *map(str, (RUNS, KILLS)[len(sys.argv) - 1 :])))
     with tempfile.TemporaryDirectory() as place:
         folder, began = Path(place), time.monotonic()

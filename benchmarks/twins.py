@@ -1,4 +1,4 @@
-"""The same message pattern in volery's twin, through its whole pipeline, and in SimPy, where a link is a delay."""
+"""The same message pattern in volery's twin, with the full link pipeline, and in SimPy, with links as delays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FULL = full_pipeline(Normal(2_000_000, 500_000))
 
 
 def twin_run(agents: int, frames: int) -> dict[str, float]:
-    """CPU µs per delivered frame; what the lost ones cost is counted with them."""
+    """CPU µs per delivered frame, including the cost of lost ones."""
     plan = pulses("bench_agents:Pulse", ring(agents, DEGREE), RATE, frames / (agents * DEGREE * RATE), FULL)
     sink = Collected()
     run = Twin(plan, sink)
