@@ -106,7 +106,10 @@ def own(function: Callable[..., nx.Graph]) -> Any:
 
 
 def _settings_of(function: Callable[..., nx.Graph], plain: int, seed_of: Callable[[int], int]) -> Any:
-    hints = get_type_hints(inspect.unwrap(function), include_extras=True)
+    try:
+        hints = get_type_hints(inspect.unwrap(function), include_extras=True)
+    except NameError as error:
+        raise BadInput(f"an annotation of {function.__module__}:{function.__qualname__} is unknown: {error}") from error
     listed = inspect.signature(function).parameters.values()
     parameters = [each for each in listed if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)]
 
@@ -188,7 +191,7 @@ class FromFile(GraphSettings):
             found |= data.keys()
             for name in self.ignore:
                 data.pop(name, None)
-            for name in data.keys() & self.attributes.keys():
+            for name in [each for each in self.attributes if each in data]:
                 setting, _, unit = self.attributes[name].partition(" ")
                 if setting in data.keys() - {name}:
                     raise BadInput(f"{self.path}: the edge {source}-{target} has {setting} and {name}: ignore one")

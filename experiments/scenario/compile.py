@@ -25,7 +25,7 @@ from ...worlds.moving.moving_settings import MovingSettings
 from ...worlds.own_world import OwnWorld, OwnWorldSettings
 from ..evaluation.evaluation import evaluation_class
 from .consistency import inconsistencies
-from .edge_settings import IN_FILE, IN_PYTHON, edge_settings
+from .edge_settings import edge_settings
 from .expansion import expand
 from .fault_conflicts import conflicts
 from .fault_places import Places, changed_links, group_problems, parse_agents
@@ -159,7 +159,7 @@ def _agents(graph: nx.Graph, kinds: Mapping[str, AgentKind], *, placed: bool) ->
 def _edge_settings(topology: GraphSettings, graph: nx.Graph, problems: list[Problem]) -> list[LinkOverride]:
     path = Path(topology.path) if isinstance(topology, FromFile) else None
     try:
-        return edge_settings(graph, IN_FILE if path else IN_PYTHON, path.parent if path else Path.cwd())
+        return edge_settings(graph, path.parent if path else Path.cwd())
     except BadInput as error:
         problems.append(Problem(("topology", GRAPHS.name_of(type(topology))), f"{f'{path}: ' if path else ''}{error}"))
         return []

@@ -22,24 +22,23 @@ from .settings_reading import validated
 from .trace_files import anchor
 from .yaml_document import describe, parse
 
-IN_FILE = "name the setting under `attributes:`, or list it under `ignore:`"
-IN_PYTHON = "remove it from the graph's edges"
+_REMEDY = "remove it, or name it under the file's `attributes:` or `ignore:`"
+_UNIT = "; in a file's settings, `attributes: {delay: latency ms}` gives plain numbers a unit"
 
 
-def edge_settings(graph: nx.Graph, remedy: str, folder: Path) -> list[LinkOverride]:
+def edge_settings(graph: nx.Graph, folder: Path) -> list[LinkOverride]:
     """The settings that a graph's edges give to links, as entries of `links: only:`; links that are alike in one.
 
     Text is read as in a scenario: `5 ms`, `{normal: {mean: 5 ms, sd: 1 ms}}`.
 
     Args:
         graph: a topology.
-        remedy: what to do about an attribute that is no setting.
         folder: where the paths of traces start.
     Raises:
         BadInput: an attribute that is no setting, a value that is wrong, or edges that are joined and differ.
     """
     attributes = link_attributes(graph)
-    _check_names(attributes, remedy)
+    _check_names(attributes)
     read: dict[str, dict[str, Any]] = {}
     alike: dict[str, tuple[dict[str, Any], list[LinkName]]] = {}
     for link in sorted(attributes, key=lambda link: [natural_key(end) for end in link]):
@@ -53,7 +52,7 @@ def edge_settings(graph: nx.Graph, remedy: str, folder: Path) -> list[LinkOverri
     return [LinkOverride(_words(links), settings) for settings, links in alike.values()]
 
 
-def _check_names(attributes: Mapping[LinkName, Sequence[Mapping[str, Any]]], remedy: str) -> None:
+def _check_names(attributes: Mapping[LinkName, Sequence[Mapping[str, Any]]]) -> None:
     known = {*LINK_FIELDS, PRESET}
     unknown = {name: link for link, several in attributes.items() for each in several for name in each.keys() - known}
     if unknown:
@@ -61,7 +60,7 @@ def _check_names(attributes: Mapping[LinkName, Sequence[Mapping[str, Any]]], rem
         name, link = listed[0], "-".join(ordered(*unknown[listed[0]]))
         more = f" (all such: {', '.join(listed)})" if len(listed) > 1 else ""
         hint = did_you_mean(name, known)
-        raise BadInput(f"the edge {link} has the attribute {name!r}, no setting of links{hint}: {remedy}{more}")
+        raise BadInput(f"the edge {link} has the attribute {name!r}, no setting of links{hint}: {_REMEDY}{more}")
 
 
 def _plain(link: LinkName, name: str, value: Any) -> Any:
@@ -84,6 +83,7 @@ def _read(link: LinkName, values: dict[str, Any], folder: Path) -> dict[str, Any
     except ValidationError as error:
         problems = [problem._replace(loc=problem.loc[2:]) for problem in explain(error)]
         text = "; ".join(describe(values, problem) for problem in problems)
+        text += _UNIT if "has no unit" in text else ""
         raise BadInput(f"the edge {'-'.join(link)}: {text}") from error
     changes: dict[str, Any] = links.only[0].changes
     return changes

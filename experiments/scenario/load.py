@@ -16,7 +16,7 @@ from ...errors import BadInput
 from ...topologies import edges, positions, topology_of
 from ...units import quantity
 from .compile import attempt
-from .edge_settings import IN_PYTHON, edge_settings
+from .edge_settings import edge_settings
 from .explaining import explain
 from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
 from .python_values import plain
@@ -131,7 +131,7 @@ def _with_edges_of(graph: nx.Graph, scenario: Scenario, document: Document) -> S
     if override := next((key for path, key in document.overrides.items() if path[0] == "topology"), None):
         raise BadInput(f"--set {override}: topology is a networkx graph here: change that")
     try:
-        of_edges = edge_settings(graph, IN_PYTHON, Path.cwd())
+        of_edges = edge_settings(graph, Path.cwd())
     except BadInput as error:
         raise BadInput(f"topology: {error}") from error
     return replace(scenario, links=replace(scenario.links, only=(*of_edges, *scenario.links.only)))

@@ -7,6 +7,7 @@ validation and JSON Schema come from the same types.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache, cached_property, partial, reduce
@@ -25,6 +26,7 @@ from pydantic import (
     ValidationError,
     create_model,
 )
+from pydantic.errors import PydanticSchemaGenerationError
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
@@ -213,13 +215,20 @@ def model_of(
         owner: the unit of numbers that take that of the enclosing field.
         tag: the value of a field `kind` in addition.
         beside: a dataclass with further fields of the same mapping.
+    Raises:
+        BadInput: a field of a type that no scenario can give, such as a generator.
     """
     shown: dict[str, Any] = {TAG: (Literal[tag], ...)} if tag else {}
     shown |= {} if beside is None else model_fields(beside)
     shown |= model_fields(cls, owner)
     name = f"{'' if beside is None else beside.__name__.strip('_')}{cls.__name__}"
     config = ConfigDict(**STRICT, json_schema_extra=getattr(cls, "json_schema", None))
-    return create_model(name, __config__=config, __doc__=summary(cls), __module__=cls.__module__, **shown)
+    try:
+        return create_model(name, __config__=config, __doc__=summary(cls), __module__=cls.__module__, **shown)
+    except PydanticSchemaGenerationError as error:
+        kind = next(iter(re.findall(r"<[^>]*>", str(error))), "unknown")
+        text = f"{cls.__module__}:{cls.__qualname__} has a parameter of type {kind}"
+        raise BadInput(f"{text}: a scenario gives numbers, text, lists, mappings and frozen dataclasses") from error
 
 
 def model_fields(cls: Any, owner: Unit | None = None, *, optional: bool = False) -> dict[str, Any]:

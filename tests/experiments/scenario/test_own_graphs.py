@@ -24,6 +24,7 @@ from volery.transport.loss_settings import Bernoulli
 MODULE = '''
 """Graphs for the tests."""
 
+import random
 from dataclasses import dataclass
 
 import networkx as nx
@@ -51,6 +52,10 @@ def drawn(count, seed):
 
 def odd(count: int):
     return nx.random_regular_graph(3, count)
+
+
+def with_rng(count: int, rng: random.Random):
+    return nx.path_graph(count)
 
 
 def listed(count: int):
@@ -148,7 +153,8 @@ def test_a_class_may_change_its_graph_over_time(tmp_path: Path) -> None:
         ("{kind: my_top:ladre}", "s.yaml:3:18: topology.kind: kind 'my_top:ladre' cannot be loaded: module 'my_top'"),
         ("{my_top:ladder: 3}", "topology.my_top:ladder: write kind: my_top:ladder, and its parameters beside"),
         ("{kind: line, count: 3}", "topology.kind: kind is for code of your own: write line itself, as in {line: …}"),
-        ("{kind: my_top:odd, count: 3}", "my_top:odd failed in line 30 of my_top.py: NetworkXError: n * d must be"),
+        ("{kind: my_top:odd, count: 3}", "my_top:odd failed in line 31 of my_top.py: NetworkXError: n * d must be"),
+        ("{kind: my_top:with_rng, count: 3, rng: 1}", "has a parameter of type <class 'random.Random'>: a scenario"),
         ("{kind: my_top:listed, count: 3}", "my_top:listed returned [0, 1, 2]: return a networkx graph"),
         ("{kind: networkx:star_graph, n: 0}", "a topology of 1 agents is not a network"),
         ("{kind: networkx:grid_2d_graph, m: 3, n: 2}", "(0, 0) cannot be an agent's name: "),
@@ -196,8 +202,14 @@ def test_directions_and_parallel_edges(tmp_path: Path) -> None:
     ("attributes", "message"),
     [
         ({"delay": 5}, "net.json: the edge 1-2 has the attribute 'delay', no setting of links"),
-        ({"weight": 1, "colour": "red"}, "or list it under `ignore:` (all such: colour, weight)"),
-        ({"latency": 50}, "net.json: the edge 1-2: latency: 50 has no unit: write it with one of ns"),
+        (
+            {"weight": 1, "colour": "red"},
+            "name it under the file's `attributes:` or `ignore:` (all such: colour, weight)",
+        ),
+        (
+            {"latency": 50},
+            "net.json: the edge 1-2: latency: 50 has no unit: write it with one of ns",
+        ),
         ({"latency": "50"}, "net.json: the edge 1-2: latency: "),
         ({"rate": 5e6}, "the edge 1-2: rate: 5000000.0 has no unit: write it with one of bit/s"),
         ({"loss": 1.5}, "the edge 1-2: loss: loss probability is 1.5"),
