@@ -17,7 +17,9 @@ from ..estimators.information import pack_symmetric
 from ..kinds import NoParameters
 from ..quantities import covariance_name
 from ..randomness import Stream, stream
+from ..transport.events import FOREVER_NS
 from ..transport.media_settings import AIR
+from .call_checks import finite_numbers, numbers, payload_bytes, plain, text, whole_number
 
 if TYPE_CHECKING:
     from .plan import Plan, PublicPlan
@@ -119,6 +121,8 @@ class Apply(NamedTuple):
     value: list[float]
 
 
+_NOTE_FIELDS = {"event", "agent", "incarnation", "time_ns"}
+
 Effect = Send | Refuse | Timer | Report | Note | Command | Apply
 
 
@@ -153,7 +157,8 @@ class Context:
     """All that an agent may know and do.
 
     It holds plain values only. What the agent asks for takes effect when its handler returns, at the instant of the
-    event in hand.
+    event in hand. Arguments are checked at the call: BadInput names call, value and remedy. Times and indices are whole
+    numbers of at most 64 bits, NumPy's included; a float is refused.
     """
 
     __slots__ = ("_state",)
@@ -207,8 +212,8 @@ class Context:
             FrameTooLarge: the payload is over the link's MTU.
         """
         if target not in self._state.neighbours:
-            known = ", ".join(self.neighbours)
-            raise NotANeighbour(f"agent {self.name} has no link to {target!r}; its neighbours are {known}")
+            known = ", ".join(map(repr, self.neighbours)) or "nobody"
+            raise NotANeighbour(f"send: there is no link to {target!r}; the neighbours are {known}")
         self._check_may_act()
         self._send((target,), payload, stream)
 
@@ -232,67 +237,84 @@ class Context:
         Where that event had to wait and the instant is over, or where its own clock has jumped, it rings at once.
 
         Raises:
-            BadInput: the instant is before the event in hand.
+            BadInput: the instant is before the event in hand, or later than every run.
         """
         state = self._state
+        time_ns = whole_number(time_ns, "set_timer", "time_ns")
+        index = whole_number(index, "set_timer", "index")
+        name = text(name, "set_timer", "name")
         if time_ns < state.event_ns and not state.clock_jumped:
-            raise BadInput(f"agent {self.name} set timer {name!r} to {time_ns} ns, and now is {state.event_ns} ns")
+            raise BadInput(f"set_timer: {name!r} is set to {time_ns} ns, and now is {state.event_ns} ns")
+        if time_ns >= FOREVER_NS:
+            raise BadInput(f"set_timer: {name!r} is set to {time_ns} ns, later than every run: set no timer instead")
         self._check_may_act()
         state.effects.append(Timer(name, index, time_ns))
 
     def report(self, quantity: str, value: ArrayLike, index: int = 0, *, covariance: ArrayLike | None = None) -> None:
         """Journal an estimate; `index` is the sample it belongs to, `covariance` (k, k) that of its error.
 
+        The value is a number or an array of them: NaN says that there is no estimate, infinity that it has diverged.
         The covariance is a quantity of its own, QUANTITY/covariance: its upper triangle by rows.
 
         Raises:
-            BadInput: the covariance is no square matrix.
+            BadInput: the value is empty, or no real numbers; the covariance is no square matrix.
         """
-        flat: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
-        self._state.effects.append(Report(quantity, index, flat))
+        quantity, index = text(quantity, "report", "the quantity"), whole_number(index, "report", "index")
+        flat: list[float] = numbers(value, "report", quantity).ravel().tolist()
+        reports = [Report(quantity, index, flat)]
         if covariance is not None:
-            matrix = np.atleast_2d(np.asarray(covariance, dtype=np.float64))
+            matrix = np.atleast_2d(numbers(covariance, "report", f"covariance of {quantity}"))
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-                raise BadInput(f"agent {self.name} reported {quantity!r} with a covariance of shape {matrix.shape}")
-            triangle: list[float] = pack_symmetric(matrix).tolist()
-            self._state.effects.append(Report(covariance_name(quantity), index, triangle))
+                raise BadInput(f"report: covariance of {quantity} has the shape {matrix.shape}: give a square matrix")
+            reports.append(Report(covariance_name(quantity), index, pack_symmetric(matrix).tolist()))
+        self._state.effects += reports
 
     def command(self, commands: Mapping[str, ArrayLike]) -> None:
         """Act upon a coupled world, by name: the commands take effect `compute` and the world's act delay later.
 
         Raises:
-            BadInput: the scenario's world is not coupled.
+            BadInput: the scenario's world is not coupled, or a value is not finite.
         """
+        if not isinstance(commands, Mapping):
+            raise BadInput(f"command: {commands!r} is no mapping: give values by name, as in {{'thrust': [0, 0, 1]}}")
+        flat = {
+            text(name, "command", "a name"): finite_numbers(value, "command", name).flatten()
+            for name, value in commands.items()
+        }
         if not self._state.commands_world:
-            named = ", ".join(commands)
-            raise BadInput(f"agent {self.name} commands {named}, and this scenario's world takes no commands")
+            raise BadInput(f"command: {', '.join(flat)} for a world that takes no commands")
         self._check_may_act()
-        flat = {name: np.array(value, dtype=np.float64).ravel() for name, value in commands.items()}
         self._state.effects.append(Command(flat))
 
     def note(self, what: str, **facts: Any) -> None:
-        """Journal that something happened, with plain values that say more about it."""
-        self._state.effects.append(Note(what, facts))
+        """Journal that something happened, with values that say more about it.
+
+        These are numbers, texts, and lists and mappings of them; NumPy's numbers and arrays become such values.
+
+        Raises:
+            BadInput: a value of another kind, or one that is called as something that every note has.
+        """
+        if taken := facts.keys() & _NOTE_FIELDS:
+            raise BadInput(f"note: {', '.join(sorted(taken))} is in every note anyway: use another name")
+        known = {name: plain(value, "note", name) for name, value in facts.items()}
+        self._state.effects.append(Note(text(what, "note", "what"), known))
 
     def random(self, purpose: str) -> Stream:
         """The agent's own random stream for a purpose; a restarted agent has another one."""
-        state = self._state
+        purpose, state = text(purpose, "random", "the purpose"), self._state
         return stream(state.seed, f"agent-{purpose}", state.name, str(state.incarnation))
 
     def _check_may_act(self) -> None:
         if not self._state.may_act:
-            raise BrokenPromise(
-                f"agent {self.name} acts on a frame, but its class says timers_only: remove that, or act on a timer"
-            )
+            raise BrokenPromise("it acts on a frame, but its class says timers_only: remove that, or act on a timer")
 
     def _send(self, targets: tuple[str, ...], payload: bytes, stream: str) -> None:
         state = self._state
+        payload, stream = payload_bytes(payload, "send"), text(stream, "send", "the stream")
         mtu = state.mtus[state.outlet_of[targets[0]]]
         if len(payload) > mtu:
             state.effects.append(Refuse(targets))
-            raise FrameTooLarge(
-                f"agent {self.name}: {len(payload)} B for {', '.join(targets)}, the link's MTU is {mtu} B"
-            )
+            raise FrameTooLarge(f"send: {len(payload)} B for {', '.join(targets)}, the link's MTU is {mtu} B")
         state.effects.append(Send(targets, payload, stream))
 
 
@@ -329,9 +351,10 @@ class Agent:
         """Called when the graph has changed, with the new `context.neighbours` and `context.degrees`."""
 
     def save(self) -> Any:
-        """State that a kill with `keep_state` passes on to the next incarnation: plain values for MessagePack.
+        """State that a kill with `keep_state` passes on to the next incarnation.
 
-        Timers and queued frames are not kept. A class that overrides this overrides `restore` too.
+        It is made of None, numbers, texts, bytes, and lists and mappings of them by text; arrays become lists. Timers
+        and queued frames are not kept. A class that overrides this overrides `restore` too.
         """
         raise BadInput(f"{type(self).__name__} keeps no state: it does not override save and restore")
 

@@ -18,7 +18,7 @@ from ..transport.faults import Fault
 from ..transport.latency_settings import Constant
 from ..transport.links import LinkSettings
 from ..units import SampleTimes, sample_ns
-from .agent import Agent, Apply, Context, ContextState, Received, Sample, Send, Timer
+from .agent import Agent, Apply, Context, ContextState, Note, Received, Sample, Send, Timer
 from .plan import WORLD, AgentPlan, Plan, Running
 from .sensor_samples import Disturbances
 from .wires import pack_samples, unpack_commands
@@ -64,6 +64,10 @@ class WorldContext(Context):
     def faults(self) -> Iterable[Fault]:
         """The faults that touch the world, live ones included."""
         return self._faults.values()
+
+    def note(self, what: str, **facts: Any) -> None:
+        """Journal an event of the world, which has an instant of its own."""
+        self._state.effects.append(Note(what, facts))
 
     def apply(self, agent: str, command: str, value: NDArray[np.float64]) -> None:
         """Journal that a command of an agent takes effect."""

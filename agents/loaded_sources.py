@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import linecache
 import sys
-import sysconfig
-from functools import cache
 from inspect import isclass, isfunction
 from pathlib import Path
+
+from ..user_code import is_users
 
 MAIN = "__main__"
 _NOT_USERS = {__package__.partition(".")[0], "__mp_main__"}
 """Volery, and what multiprocessing calls `__main__` too."""
-_INSTALLED = {"site-packages", "dist-packages"}
 
 
 def loaded_sources() -> dict[str, str]:
@@ -20,7 +19,9 @@ def loaded_sources() -> dict[str, str]:
     found = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if file and name.partition(".")[0] not in _NOT_USERS and _is_users(Path(file)):
+        if not file or name.partition(".")[0] in _NOT_USERS:
+            continue
+        if is_users(file) and Path(file).suffix and Path(file).is_file():
             found[name] = str(Path(file).absolute())
     return found
 
@@ -34,17 +35,3 @@ def cells_text() -> str:
     methods = [method for value in own if isclass(value) for method in vars(value).values()]
     cells = dict.fromkeys(each.__code__.co_filename for each in (*own, *methods) if isfunction(each))
     return "\n".join(filter(None, ("".join(linecache.getlines(cell)) for cell in cells)))
-
-
-def _is_users(path: Path) -> bool:
-    absolute = path.absolute()
-    if not _INSTALLED.isdisjoint(absolute.parts) or any(map(absolute.is_relative_to, _libraries())):
-        return False
-    return path.suffix != "" and path.is_file()
-
-
-@cache
-def _libraries() -> tuple[str, ...]:
-    """Folders of the standard library, of installed commands, and of volery."""
-    places = sysconfig.get_paths()
-    return (places["stdlib"], places["platstdlib"], places["scripts"], str(Path(__file__).parents[1]))

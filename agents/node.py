@@ -16,6 +16,7 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import RunFailed
 from ..transport.clock import Clock
 from ..transport.events import (
     DATA,
@@ -37,7 +38,9 @@ from ..transport.frames import Frame, Message
 from ..transport.links import LinkSettings
 from ..transport.media import Ether
 from ..units import SampleTimes, first_sample, sample_ns
+from ..user_code import described
 from .agent import Agent, Apply, Command, Context, ContextState, Note, Received, Report, Sample, Send, Timer
+from .call_checks import plain
 from .coupled_world import KIND as COUPLED_WORLD
 from .coupled_world import WorldContext
 from .journal import NOTED, Batch, Commanded, Estimate, Measured, Payload, Taken
@@ -102,13 +105,14 @@ class Node:
         self.receiver = Receiver(self.state, self.sender, ether, self._on_delivery)
         kind = find(me.kind)
         self._timers_only = kind.timers_only
+        briefing = self._call("briefing", kind.briefing, plan.public, name)
         self._told = ContextState(
             name,
             incarnation,
             plan.seed,
             swarm=tuple(agent.name for agent in plan.agents),
             position=me.position,
-            briefing=kind.briefing(plan.public, name),
+            briefing=briefing,
             commands_world=WORLD in me.wired,
             outlet_of=self.sender.outlet_of,
             mtus=self.sender.mtus,
@@ -118,7 +122,11 @@ class Node:
             event_ns=start_ns,
         )
         context = WorldContext(self._told, plan, self.faults) if me.kind == COUPLED_WORLD else Context(self._told)
-        self.agent: Agent = kind(context, me.parameters)
+        self.agent: Agent = self._call("__init__", kind, context, me.parameters)
+        if getattr(self.agent, "context", None) is not context:
+            raise RunFailed(
+                f"agent {name} failed: {kind.__name__}.__init__ must call super().__init__(context, parameters)"
+            )
         self._start()
 
     def _start(self) -> None:
@@ -147,10 +155,18 @@ class Node:
         told = self._told
         told.now_ns = self._clock.reading(self.state.now_ns)
         try:
-            handler(*arguments)
+            self._call(handler.__name__, handler, *arguments)
         finally:
             if told.effects:
                 self._carry_out()
+
+    def _call(self, name: str, method: Callable[..., Any], *arguments: Any) -> Any:
+        """What a method of the agent returns; what it raises becomes a sentence with the lines of the user's code."""
+        try:
+            return method(*arguments)
+        except (Exception, SystemExit) as error:
+            who = "the world" if self.state.name == WORLD else f"agent {self.state.name}"
+            raise RunFailed(f"{who} failed in {name}: {described(error)}") from error
 
     def _carry_out(self) -> None:
         effects, self._told.effects = self._told.effects, []
@@ -357,10 +373,14 @@ class Node:
         self.finish()
         events = self.state.journal.events
         if kill.keep_state:
-            self.saved = msgpack.packb(self.agent.save())
+            self.saved = self._call("save", self._packed_state)
             events.append({"event": "state", "state": self.saved.hex()})
         events.append({"event": "killed", "time_ns": self.state.now_ns})
         self.state.dead = True
+
+    def _packed_state(self) -> bytes:
+        packed: bytes = msgpack.packb(plain(self.agent.save(), "the returned value", "state", binary=True))
+        return packed
 
     def _pause_or_resume(self) -> None:
         """Pause as long as any pause is in force; then handle what came meanwhile, in order."""

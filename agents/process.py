@@ -10,7 +10,6 @@ import os
 import resource
 import signal
 import sys
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import parent_process
@@ -21,12 +20,15 @@ import msgpack
 import numpy as np
 import uvloop
 
+from ..errors import RunFailed
 from ..transport import fabric
 from ..transport import zenoh_session as zs
 from ..transport.events import Event
 from ..transport.frames import DamagedFrame, Message, air_promise, decode, encode, promise
 from ..transport.keys import Keys
 from ..transport.media_settings import AIR, on_air
+from ..user_code import described
+from .journal import Batch
 from .loaded_sources import loaded_sources
 from .lockstep import Lockstep
 from .node import Node
@@ -141,15 +143,17 @@ class _Shell:
                 return
             try:
                 handle()
-            except Exception as error:  # noqa: BLE001 - whatever a user's agent raises is reported and ends it
+            except BaseException as error:  # noqa: BLE001 - whatever a user's agent raises is reported and ends it
                 self._crash(error)
 
         return guarded
 
-    def _crash(self, error: Exception) -> None:
-        if self._node is not None:
-            text = "".join(traceback.format_exception(error))
-            self._node.state.journal.events.append({"event": "crashed", "error": str(error), "traceback": text})
+    def _crash(self, error: BaseException) -> None:
+        """Report an error, with the lines of the user's code, and end the process."""
+        self._flush()
+        name = self._it.name
+        text = str(error) if isinstance(error, RunFailed) else f"agent {name} failed: {described(error)}"
+        self._publish(Batch(name, self._it.incarnation, events=[{"event": "crashed", "error": text}]))
         self._crashed = True
         self._stopped.set()
 
@@ -170,7 +174,7 @@ class _Shell:
                 order = msgpack.unpackb(zs.asked(query))
                 try:
                     answer = self._obey(order.pop("do"), **order)
-                except Exception as error:  # noqa: BLE001 - the agent's code runs in some orders too
+                except BaseException as error:  # noqa: BLE001 - the agent's code runs in some orders too
                     self._crash(error)
                 else:
                     query.reply(self._control, msgpack.packb(answer))
@@ -199,7 +203,7 @@ class _Shell:
         for outlet in self._links:
             say = air_promise if outlet == AIR else promise
             self._write(outlet, say(self._it.incarnation, 0, 0))
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(BaseException):
             self._play()
         return True
 
@@ -254,14 +258,14 @@ class _Shell:
 
     # -- what goes out ------------------------------------------------------------------------------------------
 
-    def _take(self) -> dict[str, Any]:
-        assert self._node is not None
-        self._batches += 1
-        return {"number": self._batches, "now_ns": self._pacer.now_ns(), **self._node.take_journal().to_dict()}
-
     def _flush(self) -> None:
         if self._node is not None:
-            self._telemetry.put(msgpack.packb(self._take()))
+            self._publish(self._node.take_journal())
+
+    def _publish(self, batch: Batch) -> None:
+        self._batches += 1
+        now_ns = 0 if self._node is None else self._pacer.now_ns()
+        self._telemetry.put(msgpack.packb({"number": self._batches, "now_ns": now_ns, **batch.to_dict()}))
 
     def _flush_now_and_then(self) -> None:
         self._flushing = self._loop.call_later(FLUSH_EVERY_S, self._flush_now_and_then)

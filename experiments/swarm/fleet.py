@@ -120,7 +120,8 @@ class Fleet:
     async def bring_to_life(self, key: tuple[str, int], start_ns: int, saved: bytes | None) -> None:
         """Start the incarnation of a process on standby at an instant, with the state saved before, if any."""
         name, incarnation = key
-        await self.order(self.start_order(start_ns, saved), name, incarnation)
+        if key not in await self.order(self.start_order(start_ns, saved), name, incarnation):
+            return  # it has failed, and says so itself
         self.mark_alive(name, incarnation)
         self.sink.event({"event": "restarted", "agent": name, "incarnation": incarnation, "time_ns": start_ns})
 
@@ -207,7 +208,8 @@ class Fleet:
     async def _ended_externally(self, name: str, incarnation: int, cause: str) -> None:
         self.external_kills.add((name, incarnation))
         self.returns_due = {id_: kill for id_, kill in self.returns_due.items() if kill.agent != name}
-        if cause.startswith("ended") or name in {one.name for one in self.plan.world_agents}:
+        failed = self.members[name, incarnation].failed.is_set()
+        if not failed and (cause.startswith("ended") or name in {one.name for one in self.plan.world_agents}):
             self.problems.append(f"agent {name} {cause}")
         if self.pace == "lockstep" and cause.startswith("ended"):
             self.over.set()

@@ -25,6 +25,7 @@ class Member:
     joined: it has joined the swarm.
     ended: it has ended.
     killed: it has reported that a fault kills it.
+    failed: it has reported an error of its agent.
     buried: it has ended, and the cause is known.
     done: it has reported its regular end.
     stopped_from_outside: it was stopped externally (SIGSTOP).
@@ -36,6 +37,7 @@ class Member:
     joined: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
     killed: asyncio.Event = field(default_factory=asyncio.Event)
+    failed: asyncio.Event = field(default_factory=asyncio.Event)
     buried: asyncio.Event = field(default_factory=asyncio.Event)
     done: bool = False
     stopped_from_outside: bool = False
@@ -44,10 +46,11 @@ class Member:
 
     async def cause(self) -> str:
         """The cause of its end: a fault, whose report may still be on its way, or an external cause."""
-        if self.process.exitcode == -signal.SIGKILL:
+        reported = {-signal.SIGKILL: self.killed, 1: self.failed}.get(self.process.exitcode or 0)
+        if reported is not None:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LAST_BATCH_S):
-                    await self.killed.wait()
+                    await reported.wait()
         if self.killed.is_set():
             return INJECTED
         if self.stopped_from_outside:

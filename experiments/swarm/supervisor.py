@@ -166,7 +166,8 @@ class Swarm(Fleet):
             elif event["event"] == "state":
                 member.state.set_result(bytes.fromhex(event["state"]))
             elif event["event"] == "crashed":
-                self.problems.append(f"agent {batch.agent} failed: {event['error']}")
+                member.failed.set()
+                self.problems.append(event["error"])
         self.status.time_ns = max(self.status.time_ns, min(now_ns, self.end_ns))
         if batch:
             self.sink(batch)

@@ -15,7 +15,7 @@ from volery.agents.node_state import NodeState
 from volery.agents.plan import AgentPlan, Plan, PublicPlan
 from volery.agents.receiver import Receiver
 from volery.agents.sender import Sender
-from volery.errors import BadInput
+from volery.errors import BadInput, RunFailed
 from volery.experiments.scenario.load import load_scenario
 
 
@@ -95,11 +95,13 @@ def test_a_public_plan_has_no_world_and_no_faults(name: str) -> None:
 
 
 def test_a_briefing_cannot_look_at_the_world() -> None:
-    """An attempt to hand the truth to an agent before the start is an AttributeError."""
+    """An attempt to hand the truth to an agent before the start ends in a sentence that names it."""
     plan = load_scenario("dfa4").plan
     first, *others = plan.agents
     cheating = replace(plan, agents=(replace(first, kind=f"{__name__}:Cheating"), *others))
-    with pytest.raises(AttributeError, match="'PublicPlan' object has no attribute 'world'"):
+    with pytest.raises(
+        RunFailed, match="agent 1 failed in briefing: AttributeError: 'PublicPlan' object has no attribute 'world'"
+    ):
         Node(cheating, first.name, [], lambda *_: None)
 
 
@@ -121,5 +123,5 @@ def test_a_covariance_is_reported_beside_the_estimate() -> None:
         Report("bias", 0, [3.0]),
         Report("bias/covariance", 0, [0.25]),
     ]
-    with pytest.raises(BadInput, match=r"agent 1 reported 'pose' with a covariance of shape \(1, 2\)"):
+    with pytest.raises(BadInput, match=r"report: covariance of pose has the shape \(1, 2\): give a square matrix"):
         context.report("pose", [1.0, 2.0], covariance=[1.0, 2.0])

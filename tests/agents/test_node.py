@@ -10,7 +10,6 @@ import pytest
 from volery.agents import receiver
 from volery.agents.agent import (
     Agent,
-    BrokenPromise,
     FrameTooLarge,
     NotANeighbour,
     Received,
@@ -20,7 +19,7 @@ from volery.agents.agent import (
 from volery.agents.journal import Batch, Dropped, Estimate, Heard, Late, Sent
 from volery.agents.node import Node
 from volery.agents.plan import AgentPlan, Plan
-from volery.errors import BadInput
+from volery.errors import BadInput, RunFailed
 from volery.kinds import NoParameters
 from volery.transport import fabric
 from volery.transport.events import Event
@@ -226,15 +225,15 @@ def test_acting_on_a_frame_against_ones_word_is_refused(what: str) -> None:
     bench.timer(2, act)
     bench.frame(10)
     bench.agent.react = act
-    with pytest.raises(BrokenPromise, match="agent 1 acts on a frame, but its class says timers_only"):
+    with pytest.raises(RunFailed, match="agent 1 failed in on_frame: it acts on a frame, but its class"):
         bench.until(11)
 
 
 @pytest.mark.parametrize("stranger", ["1", "4"])
 def test_only_neighbours_can_be_talked_to(stranger: str) -> None:
-    """The message names the agent, the stranger and the neighbours; nothing is sent."""
+    """The message names the stranger and the neighbours; nothing is sent."""
     bench = Bench()
-    with pytest.raises(NotANeighbour, match=f"agent 1 has no link to '{stranger}'; its neighbours are 2, 3"):
+    with pytest.raises(NotANeighbour, match=f"send: there is no link to '{stranger}'; the neighbours are '2', '3'"):
         bench.agent.context.send(stranger, b"x")
     bench.until(100)
     assert bench.put == []
@@ -246,7 +245,7 @@ def test_no_timer_for_the_past() -> None:
 
     def react() -> None:
         bench.agent.react = lambda: None
-        with pytest.raises(BadInput, match=r"agent 1 set timer 'x' to 4999999 ns, and now is 5000000 ns"):
+        with pytest.raises(BadInput, match=r"set_timer: 'x' is set to 4999999 ns, and now is 5000000 ns"):
             bench.agent.context.set_timer(5 * MS - 1, "x")
         bench.agent.context.set_timer(5 * MS, "now")
 
@@ -273,7 +272,7 @@ def test_a_payload_over_the_mtu_is_refused() -> None:
     bench = Bench(Listener, LinkSettings(mtu=10))
 
     def react() -> None:
-        with pytest.raises(FrameTooLarge, match="agent 1: 11 B for 2, the link's MTU is 10 B"):
+        with pytest.raises(FrameTooLarge, match="send: 11 B for 2, the link's MTU is 10 B"):
             bench.agent.context.send("2", b"x" * 11)
         bench.agent.context.send("2", b"x" * 10)
 

@@ -14,7 +14,7 @@ from volery.agents.coupled_world import couple
 from volery.agents.journal import MISSED, Late
 from volery.agents.plan import WORLD, Plan
 from volery.agents.sensor_samples import Disturbances, measured
-from volery.errors import BadInput
+from volery.errors import BadInput, RunFailed
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Record
@@ -214,7 +214,7 @@ def test_what_the_middleware_loses_on_a_wire_is_noticed(loop: Callable[..., Plan
 
 def test_commands_need_a_world_that_takes_them(plan_of: Any, twin_run: Twin) -> None:
     """Who commands where nothing can be commanded is told so."""
-    with pytest.raises(BadInput, match="agent 1 commands push, and this scenario's world takes no commands"):
+    with pytest.raises(RunFailed, match=r"agent 1 failed in .*: command: push for a world that takes no commands"):
         twin_run(plan_of(RING, Pusher, LinkSettings(latency=Constant(MS))))
 
 
