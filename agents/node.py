@@ -16,7 +16,7 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RunFailed
+from ..errors import RunFailed, VoleryError
 from ..transport.clock import Clock
 from ..transport.events import (
     DATA,
@@ -161,12 +161,16 @@ class Node:
                 self._carry_out()
 
     def _call(self, name: str, method: Callable[..., Any], *arguments: Any) -> Any:
-        """What a method of the agent returns; what it raises becomes a sentence with the lines of the user's code."""
+        """What a method of the agent returns; what it raises becomes a sentence with the lines of the user's code.
+
+        Errors of a coupled world name the world already.
+        """
         try:
             return method(*arguments)
         except (Exception, SystemExit) as error:
-            who = "the world" if self.state.name == WORLD else f"agent {self.state.name}"
-            raise RunFailed(f"{who} failed in {name}: {described(error)}") from error
+            if self.state.name == WORLD and isinstance(error, VoleryError):
+                raise
+            raise RunFailed(f"agent {self.state.name} failed in {name}: {described(error)}") from error
 
     def _carry_out(self) -> None:
         effects, self._told.effects = self._told.effects, []
