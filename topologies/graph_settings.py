@@ -170,7 +170,8 @@ class FromFile(GraphSettings):
 
     path: a GraphML, edge-list or JSON file.
     names: attribute of the nodes that gives the names of agents, or id; characters that no name has become _.
-    merge: whether parallel edges, and edges of which there is one direction only, stand for one edge.
+    merge: whether parallel edges, and edges of which there is one direction only, stand for one edge; edges of a node
+        to itself are left out.
     component: largest takes the largest connected part.
     attributes: attribute of the edges → setting of links and, for plain numbers, unit, as in {delay: latency ms}.
     ignore: attributes of the edges that are no settings.

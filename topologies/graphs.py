@@ -95,6 +95,7 @@ def from_edges(
 def validate(
     graph: nx.Graph,
     *,
+    loop: str = "remove it",
     parallel: str = "keep one, it carries both directions",
     apart: str = "link the parts",
 ) -> nx.Graph:
@@ -102,6 +103,7 @@ def validate(
 
     Args:
         graph: undirected, with or without parallel edges.
+        loop: what the error of an edge from an agent to itself proposes.
         parallel: what the error of an edge that is there twice proposes.
         apart: what the error of a graph that is not connected proposes.
     Raises:
@@ -114,7 +116,7 @@ def validate(
         check_name(agent)
     if len(graph) < 2:
         raise BadInput(f"a topology of {len(graph)} agents is not a network: it needs at least 2")
-    _check_edges(graph, parallel)
+    _check_edges(graph, loop, parallel)
     _check_connected(graph, apart)
     clean = nx.Graph()
     clean.add_nodes_from(agents(graph))
@@ -123,13 +125,13 @@ def validate(
     return clean
 
 
-def _check_edges(graph: nx.Graph, remedy: str) -> None:
+def _check_edges(graph: nx.Graph, loop: str, parallel: str) -> None:
     seen: set[tuple[str, str]] = set()
     for edge in edges(graph):
         if edge[0] == edge[1]:
-            raise BadInput(f"agent {edge[0]} has an edge to itself: remove the edge {edge[0]}-{edge[1]}")
+            raise BadInput(f"agent {edge[0]} has an edge to itself, {edge[0]}-{edge[1]}: {loop}")
         if edge in seen:
-            raise BadInput(f"the edge {edge[0]}-{edge[1]} is there more than once: {remedy}")
+            raise BadInput(f"the edge {edge[0]}-{edge[1]} is there more than once: {parallel}")
         seen.add(edge)
 
 

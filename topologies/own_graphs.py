@@ -32,8 +32,9 @@ _OTHER_CHARACTERS = re.compile(r"[^A-Za-z0-9]+")
 
 
 class Remedies(NamedTuple):
-    """Ends of error messages: what to do about edges that are there twice or one way only, parts, and names."""
+    """Ends of error messages: what to do about edges to themselves, twice or one way only, parts, and names."""
 
+    loop: str
     parallel: str
     one_way: str
     apart: str
@@ -41,12 +42,14 @@ class Remedies(NamedTuple):
 
 
 IN_FILE = Remedies(
+    "remove it, or leave all such out with `merge: true`",
     "keep one, or join them with `merge: true`",
     "write the other direction too, or take it for both with `merge: true`",
     "link the parts, or take the largest with `component: largest`",
     "`names: id` replaces all other characters, `names: label` takes an attribute of the nodes",
 )
 IN_PYTHON = Remedies(
+    "remove it, as graph.remove_edges_from(networkx.selfloop_edges(graph)) does",
     "keep one, as networkx.Graph(graph) does",
     "add the other direction too, as graph.to_undirected() does",
     "link the parts, or take one of networkx.connected_components(graph)",
@@ -70,7 +73,8 @@ def topology_of(
     Args:
         raw: directed or not, with or without parallel edges. An undirected edge says the same of both directions.
         names: attribute of the nodes that gives the names of agents, or `id`; characters that no name has become `_`.
-        merge: whether parallel edges, and the one direction of an edge that has no other, stand for one edge.
+        merge: whether parallel edges, and the one direction of an edge that has no other, stand for one edge, and
+            edges of a node to itself for none.
         component: `largest` takes the largest connected part.
         remedies: what errors propose.
     Raises:
@@ -80,7 +84,7 @@ def topology_of(
     links = _links(named)
     both = nx.MultiGraph()
     both.add_nodes_from(named.nodes(data=True))
-    for first, second in dict.fromkeys(ordered(*link) for link in links):
+    for first, second in dict.fromkeys(ordered(*link) for link in links if not (merge and link[0] == link[1])):
         forth, back = links.get((first, second)), links.get((second, first))
         if not merge and not (forth and back):
             source, target = (first, second) if forth else (second, first)
@@ -92,7 +96,7 @@ def topology_of(
         parts = sorted(nx.connected_components(both), key=lambda part: (-len(part), min(map(natural_key, part))))
         both = nx.MultiGraph(both.subgraph(parts[0]))
     _place(both)
-    clean = validate(both, parallel=remedies.parallel, apart=remedies.apart)
+    clean = validate(both, loop=remedies.loop, parallel=remedies.parallel, apart=remedies.apart)
     given = {link: [each for each in links[link] if each] for edge in edges(clean) for link in (edge, edge[::-1])}
     clean.graph[_OF_LINKS] = {link: several for link, several in given.items() if several}
     return clean

@@ -129,6 +129,7 @@ def test_damaged_files_are_refused(tmp_path: Path, name: str, text: str, message
 PARALLEL = """{"nodes": [{"id": "a"}, {"id": "b"}, {"id": "c"}], "links": [
     {"source": "a", "target": "b", "latency": "5 ms"}, {"source": "b", "target": "a", "rate": "1 Mbit/s"},
     {"source": "b", "target": "c"}]}"""
+LOOP = "1 2\n2 2\n2 3\n"
 PARTS = "1 2\n2 3\n4 5\n6 7\n"
 CITIES = """<graphml xmlns="http://graphml.graphdrawing.org/xmlns">
   <key id="n" for="node" attr.name="label" attr.type="string"/>
@@ -160,6 +161,14 @@ def test_parallel_edges_are_joined_if_asked(tmp_path: Path) -> None:
     graph = read(path, merge=True)
     assert topologies.edges(graph) == [("a", "b"), ("b", "c")]
     assert topologies.link_attributes(graph)["b", "a"] == [{"latency": "5 ms"}, {"rate": "1 Mbit/s"}]
+
+
+def test_edges_of_nodes_to_themselves_are_left_out_if_asked(tmp_path: Path) -> None:
+    """Without `merge` they are refused with that remedy."""
+    path = _written(tmp_path, "a.edges", LOOP)
+    with pytest.raises(BadInput, match=r"a\.edges: agent 2 has an edge to itself, 2-2: .* `merge: true`"):
+        read(path)
+    assert topologies.edges(read(path, merge=True)) == [("1", "2"), ("2", "3")]
 
 
 def test_the_largest_part_is_taken_if_asked(tmp_path: Path) -> None:
