@@ -55,18 +55,17 @@ def _tested(record: Record, quantity: str) -> Consistency | None:
         counted = (times >= from_ns) & ~np.isnan(values)
         squares.append(values[counted])
         central.append(judged.central_nees[agent][counted])
-        span_ns = 1 if judged.role == "innovation" else INDEPENDENT_NS
-        who = "" if judged.is_shared and judged.role == "estimate" else agent
-        independent.update((who, int(time_ns) // span_ns) for time_ns in times[counted])
-    if not independent:
-        return None
-    freedom = len(judged.difference_components)
-    low, high = (bound / freedom for bound in chi_square_bounds(freedom, len(independent)))
-    mean, of_central = (float(np.mean(np.concatenate(each))) / freedom for each in (squares, central))
-    verdict = "overconfident" if mean > high else "cautious" if mean < low else "consistent"
+        who = "" if judged.is_shared else agent
+        independent.update((who, second) for second in (times[counted] // INDEPENDENT_NS).tolist())
     reports = sum(map(len, squares))
-    test: Literal["NEES", "NIS"] = "NIS" if judged.role == "innovation" else "NEES"
-    return Consistency(test, reports, mean, of_central, low, high, verdict)
+    if not reports:
+        return None
+    is_innovation, freedom = judged.role == "innovation", len(judged.difference_components)
+    low, high = chi_square_bounds(freedom, reports if is_innovation else len(independent))
+    mean, of_central = (float(np.mean(np.concatenate(each))) / freedom for each in (squares, central))
+    verdict = "overconfident" if mean > high / freedom else "cautious" if mean < low / freedom else "consistent"
+    test: Literal["NEES", "NIS"] = "NIS" if is_innovation else "NEES"
+    return Consistency(test, reports, mean, of_central, low / freedom, high / freedom, verdict)
 
 
 def departure(mean: float) -> float:
