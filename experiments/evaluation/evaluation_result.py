@@ -112,16 +112,17 @@ class EvaluationResult:
 
 def save_evaluation(result: EvaluationResult, path: Path) -> None:
     """Write an evaluation to a file, whole or not at all."""
-    large: dict[str, NDArray[np.uint8]] = {}
+    parts: dict[str, NDArray[np.uint8]] = {}
 
     def store(data: bytes) -> str:
-        name = str(len(large))
-        large[name] = np.frombuffer(data, np.uint8)
+        name = str(len(parts))
+        parts[name] = np.frombuffer(data, np.uint8)
         return name
 
     about = json.dumps({"version": VERSION, "result": encode_value(result, store)})
+    parts[_ABOUT] = np.frombuffer(about.encode(), np.uint8)
     with whole_file(path) as partial:
-        np.savez_compressed(partial, allow_pickle=False, **{_ABOUT: np.array(about)}, **large)
+        np.savez_compressed(partial, allow_pickle=False, **parts)
 
 
 def load_evaluation(path: Path) -> EvaluationResult | None:
@@ -132,7 +133,7 @@ def load_evaluation(path: Path) -> EvaluationResult | None:
     """
     try:
         with path.open("rb") as opened, np.load(opened) as file:
-            about = json.loads(str(file[_ABOUT]))
+            about = json.loads(file[_ABOUT].tobytes())
             if about["version"] != VERSION:
                 raise BadInput(f"{path} is of another version of volery: `volery evaluate` makes it anew")
             result: EvaluationResult = decode_value(about["result"], lambda name: file[name].tobytes(), only_read=True)
