@@ -31,8 +31,7 @@ from volery.experiments.analysis.metrics import FILE_NAME as METRICS_FILE
 from volery.experiments.analysis.metrics import write_metrics
 from volery.experiments.record.mcap_file import recover
 from volery.experiments.record.record import load
-from volery.experiments.record.recorder import FILE_NAME
-from volery.experiments.record.run_files import CONTROL_FILE
+from volery.experiments.record.run_files import CONTROL_FILE, RECORD_FILE
 from volery.randomness import stream
 
 TRIALS, SEED = 50, 1
@@ -106,7 +105,7 @@ def agents_of(supervisor: int) -> list[int]:
 
 def check(trial: Trial, folder: Path, exit_code: int | None, *, ran: bool) -> tuple[int, str]:
     """Number of messages in the record, and what is wrong with the run."""
-    if not (folder / FILE_NAME).exists():
+    if not (folder / RECORD_FILE).exists():
         return 0, "there is no record" if ran else ""
     has_metrics = (folder / METRICS_FILE).exists()
     try:
