@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..kinds import Kinds
 from .agent import Agent
+from .agent_class_checks import check_agent_class
 
 AGENTS = Kinds(
     "agent kind",
@@ -21,6 +22,7 @@ AGENTS = Kinds(
     tag="kind",
     entry_points="volery.agents",
     base=Agent,
+    check=check_agent_class,
 )
 _WORLD_AGENTS = {"coupled-world": "volery.agents.coupled_world:CoupledWorld"}
 """Kinds that run beside the agents and that no scenario can name."""

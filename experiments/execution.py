@@ -25,6 +25,7 @@ from ..errors import BadInput
 from ..names import LONGEST_RUN, check_length
 from ..transport.faults import Kill, in_force
 from ..transport.keys import Keys
+from ..user_code import described
 from .analysis.metrics import Metrics, write_metrics
 from .figures.run_figures import draw
 from .record.evaluation_pass import evaluate_run
@@ -140,7 +141,7 @@ def _evaluated(record: Record, folder: Path, info: dict[str, Any]) -> Record:
     try:
         record = evaluate_run(record, folder)
     except Exception as error:  # noqa: BLE001 - the run itself is whole
-        info |= {EVALUATION_PROBLEM: f"{type(error).__name__}: {error}"}
+        info |= {EVALUATION_PROBLEM: described(error)}
     _write_info(folder, info)
     return replace(record, info=info)
 

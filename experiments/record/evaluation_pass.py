@@ -20,6 +20,7 @@ from ...agents.agent import Received, Sample
 from ...errors import BadInput
 from ...estimators.information import pack_symmetric
 from ...quantities import Component, Floats, Quantity, subtracted
+from ...user_code import names_user_code
 from ..evaluation.evaluation import Evaluation, distance_to_mean, evaluations
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
 from .channels import channels_to_keep
@@ -51,8 +52,9 @@ class _References(NamedTuple):
 _Known = Mapping[str, Mapping[str, _References]]
 
 
+@names_user_code
 def evaluated(record: Record) -> Record:
-    """The record with its evaluation; what an evaluation class raises goes through.
+    """The record with its evaluation.
 
     Raises:
         BadInput: reports that differ in length, components or references of another length than the reports.

@@ -151,7 +151,7 @@ class Record:
         if self.evaluation is not None:
             return ""
         reason = self.info.get(EVALUATION_PROBLEM, "it was broken off before its end, or has been recovered")
-        return f"this run is not evaluated ({reason}): `volery evaluate RUN` does it"
+        return f"this run is not evaluated, `volery evaluate RUN` does it: {reason}"
 
     @property
     def evaluated(self) -> EvaluationResult:

@@ -15,6 +15,7 @@ from ...agents.plan import Plan
 from ...errors import BadInput
 from ...topologies import edges, positions, topology_of
 from ...units import quantity
+from ...user_code import names_user_code
 from .compile import attempt
 from .edge_settings import edge_settings
 from .explaining import explain
@@ -57,6 +58,8 @@ Source = str | Path | Mapping[str, Any]
 """A scenario: its built-in name, the path of its file, or its fields from Python, see `python_values`."""
 
 
+@names_user_code
+@names_user_code
 def load_scenario(source: Source, overrides: Sequence[str] = (), given: Mapping[str, Any] = NOTHING) -> LoadedScenario:
     """The scenario of a built-in name or a file, or of its fields themselves, read and compiled once.
 

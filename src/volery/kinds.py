@@ -36,6 +36,7 @@ class Kinds:
     scalar: the kind that a bare quantity stands for, as the value of its first field.
     entry_points: group of entry points that add names; if given, `package.module:Name` is also allowed.
     base: base class of all kinds from there.
+    check: called with such a class and the start of error messages; raises BadInput where it does not fit.
     of_function: makes a class of a function that stands in the place of one.
     own: import string of the subclass of `OwnKind` that holds what a scenario says of such a kind, where the built-in
         classes hold that themselves; the fields are then those of the class's `Parameters`.
@@ -47,6 +48,7 @@ class Kinds:
     scalar: str | None = None
     entry_points: str = ""
     base: type[Any] = object
+    check: Callable[[Any, str], None] | None = None
     of_function: Callable[[Any], type[Any]] | None = None
     own: str = ""
 
@@ -71,7 +73,10 @@ class Kinds:
         found = imported(target, what)
         if self.of_function is not None and callable(found) and not isinstance(found, type):
             return self.of_function(found)
-        return subclass(found, self.base, what)
+        kind = subclass(found, self.base, what)
+        if self.check is not None:
+            self.check(kind, what)
+        return kind
 
     def is_own(self, name: str) -> bool:
         """Whether a kind is a user's, and `own` holds what a scenario says of it."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, TypeVar
 
 from .errors import BadInput
+from .user_code import described, user_frames
 
 Base = TypeVar("Base")
 LONGEST_RUN = 200
@@ -55,13 +57,25 @@ def imported(target: str, what: str) -> Any:
         target: the import string.
         what: start of error messages, such as "filter 'mine:Best'".
     Raises:
-        BadInput: no such module or name.
+        BadInput: no such module or name, or the module fails.
     """
     module, _, attribute = target.partition(":")
+    if "." in attribute:
+        raise BadInput(f"{what} cannot be loaded: {attribute} is not at the top level of its module: move it there")
     try:
-        return getattr(import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise BadInput(f"{what} cannot be loaded: {error}") from error
+        loaded = import_module(module)
+    except ImportError as error:
+        raise BadInput(f"{what} cannot be loaded: {described(error) if user_frames(error) else error}") from error
+    except (Exception, SystemExit) as error:
+        raise BadInput(f"{what} cannot be loaded: {described(error)}") from error
+    if hasattr(loaded, attribute):
+        return getattr(loaded, attribute)
+    if module.partition(".")[0] in sys.stdlib_module_names:
+        raise BadInput(f"{what} cannot be loaded: module {module!r} is Python's own: give your file another name")
+    own = [name for name, value in vars(loaded).items() if getattr(value, "__module__", None) == loaded.__name__]
+    file = getattr(loaded, "__file__", None)
+    near = did_you_mean(attribute, own)
+    raise BadInput(f"{what} cannot be loaded: module {module!r} of {file} has no attribute {attribute!r}{near}")
 
 
 def subclass(found: Any, base: type[Base], what: str) -> type[Base]:

@@ -32,7 +32,12 @@ def _libraries() -> tuple[str, ...]:
 def user_frames(error: BaseException) -> list[traceback.FrameSummary]:
     """Those frames of an error's traceback that run code of a user."""
     frames = traceback.extract_tb(error.__traceback__)
-    return [one for one in frames if not one.filename.startswith("<frozen ") and is_users(one.filename)]
+    return [one for one in frames if _is_of_user(one.filename)]
+
+
+def _is_of_user(file: str) -> bool:
+    """Whether code of this name, which need be no file, is a user's."""
+    return not file.startswith("<frozen ") and is_users(file)
 
 
 def described(error: BaseException) -> str:
@@ -58,8 +63,10 @@ def names_user_code(function: Callable[Arguments, Result]) -> Callable[Arguments
         except VoleryError:
             raise
         except (Exception, SystemExit) as error:
-            if not (frames := user_frames(error)):
+            frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+            methods = [frame.f_code.co_qualname for frame in frames if _is_of_user(frame.f_code.co_filename)]
+            if not methods:
                 raise
-            raise BadInput(f"{frames[0].name} failed: {described(error)}") from error
+            raise BadInput(f"{methods[0]} failed: {described(error)}") from error
 
     return call
