@@ -16,12 +16,13 @@ from volery.errors import BadInput
 from volery.experiments.analysis.accounting import account
 from volery.experiments.cli import app as cli
 from volery.experiments.cli import fault_commands as cli_faults
+from volery.experiments.record.record import Collector
 from volery.experiments.scenario.expansion import parse_fault
 from volery.experiments.scenario.fault_places import parse_agents, parse_links, places_of, read_words
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.scenario.timeline import ACTIONS, TROUBLES
 from volery.experiments.swarm import running_swarm as remote
-from volery.experiments.twin import recorded
+from volery.experiments.twin import Twin
 from volery.transport.faults import Hog
 
 from .conftest import blocks, typed
@@ -47,7 +48,9 @@ def test_what_is_shown_runs(fragment: str, tmp_path: Path) -> None:
     plan = plan_of(fragment, tmp_path)
     assert plan.faults
     if not any(isinstance(fault, Hog) for fault in plan.faults):
-        assert all(link.closes for link in account(recorded(plan)).values())
+        collector = Collector()
+        Twin(plan, collector).run()
+        assert all(link.closes for link in account(collector.record(plan)).values())
 
 
 def test_every_fault_is_shown_both_ways() -> None:
