@@ -22,6 +22,7 @@ Packed = Mapping[str, str]
 """`python`: the version of Python that it was pickled by, which alone can load it; `pickle`: in base64."""
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 _unpacked: dict[str, Packed] = {}
+_names_here: dict[str, str] = {}
 
 
 class OtherPython(BadInput):
@@ -89,8 +90,13 @@ def _can_be_pickled(value: Any) -> bool:
     return True
 
 
-def unpacked(packed: Packed) -> str:
-    """Load code that came here by value; the name of its module.
+def names_here() -> Mapping[str, str]:
+    """Module whose code came here by value, with the latest plan → its name here."""
+    return _names_here
+
+
+def unpacked(module: str, packed: Packed) -> str:
+    """Load code of a module that came here by value; the name of that module here.
 
     Raises:
         OtherPython: it was pickled by another version of Python.
@@ -100,8 +106,9 @@ def unpacked(packed: Packed) -> str:
     data = b64decode(packed["pickle"])
     name = f"kept_{sha256(data).hexdigest()[:16]}"
     if name not in _unpacked:
-        module = ModuleType(name)
-        vars(module).update(pickle.loads(data))  # noqa: S301 - the user's own code, as in a module
-        sys.modules[name] = module
+        made = ModuleType(name)
+        vars(made).update(pickle.loads(data))  # noqa: S301 - the user's own code, as in a module
+        sys.modules[name] = made
         _unpacked[name] = packed
+    _names_here[module] = name
     return name

@@ -29,7 +29,7 @@ def loaded_sources() -> dict[str, str]:
 def cells_text() -> str:
     """Text of the cells of a notebook in which functions and classes of `__main__` are defined; empty in a script."""
     main = sys.modules[MAIN]
-    if getattr(main, "__file__", None):
+    if Path(getattr(main, "__file__", "")).is_file():
         return ""
     own = [value for value in list(vars(main).values()) if getattr(value, "__module__", None) == MAIN]
     methods = [method for value in own if isclass(value) for method in vars(value).values()]

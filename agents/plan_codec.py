@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..errors import BadInput
-from .code_by_value import goes_by_value, module_of, packed, unpacked
+from .code_by_value import goes_by_value, module_of, names_here, packed, unpacked
 from .plan import Plan
 
 FORMAT, VERSION = "volery plan", 1
@@ -102,7 +102,7 @@ def decode_plan(text: str, fetch: Fetch | None = None, *, only_read: bool = Fals
     if document["version"] != VERSION:
         raise BadInput(f"a plan of version {document['version']}, and this volery reads version {VERSION}")
     code = {} if only_read else document.get("code", {})
-    modules = {module: unpacked(carried) for module, carried in code.items()}
+    modules = {module: unpacked(module, carried) for module, carried in code.items()}
     plan = _Decoder(fetch, modules, only_read=only_read).value(document["plan"])
     if not isinstance(plan, Plan):
         raise BadInput(f"not a plan but {type(plan).__name__}")
@@ -124,7 +124,7 @@ def decode_value(encoded: Any, fetch: Fetch | None = None, *, only_read: bool = 
     Raises:
         BadInput: a class that is not there.
     """
-    return _Decoder(fetch, {}, only_read=only_read).value(encoded)
+    return _Decoder(fetch, {} if only_read else names_here(), only_read=only_read).value(encoded)
 
 
 class _Encoder:

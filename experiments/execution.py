@@ -107,6 +107,7 @@ def execute(
     stop = stop or threading.Event()
     realtime = (options.engine, options.pace) == ("zenoh", "realtime")
     check_pace({settings.medium for settings in plan.links.values()}, plan.faults, realtime=realtime)
+    is_first = not options.runs.exists()
     folder = _new_folder(options, plan.name)
     write_whole(folder / SCENARIO_FILE, scenario)
     info = _info(plan, options)
@@ -122,6 +123,9 @@ def execute(
                     ending = _in_a_loop(_run_swarm(plan, sink, folder, options, watch, stop))
     except BadInput:
         shutil.rmtree(folder)
+        if is_first:
+            with contextlib.suppress(OSError):  # another run may have begun there
+                options.runs.rmdir()
         raise
     except BaseException as error:
         _write_info(folder, {**info, "status": "failed", "problems": [str(error) or repr(error)]})
@@ -138,6 +142,7 @@ def execute(
 
 def _evaluated(record: Record, folder: Path, info: dict[str, Any]) -> Record:
     """The record with its evaluation; where the user's code fails in it, run.json says so."""
+    _write_info(folder, info)
     try:
         record = evaluate_run(record, folder)
     except Exception as error:  # noqa: BLE001 - the run itself is whole

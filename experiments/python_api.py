@@ -47,11 +47,20 @@ def checked(function: Callable[Arguments, Result]) -> Callable[Arguments, Result
             adapter, text = _adapters(function)[word]
             try:
                 adapter.validate_python(value, strict=True)
-            except ValidationError as error:
-                raise BadInput(f"{name}(): {word} is {reprlib.repr(value)}, it must be {text}") from error
-        return function(*args, **kwargs)
+            except ValidationError:
+                raise BadInput(f"{name}(): {word} is {reprlib.repr(value)}, it must be {text}") from None
+        try:
+            return function(*args, **kwargs)
+        except BadInput as error:
+            raise error.with_traceback(None) from _users_error(error)
 
     return call
+
+
+def _users_error(error: BaseException) -> BaseException | None:
+    """The error in a user's code that one comes from, if any: of how volery finds errors the message says enough."""
+    cause = error.__cause__
+    return _users_error(cause) if isinstance(cause, BadInput | ValidationError) else cause
 
 
 @cache

@@ -345,7 +345,7 @@ def _under(name: str, hint: Any, unit: Unit | None, value: Any) -> Any:
 
 def _by_key(kinds: Kinds, unit: Unit | None, value: Any) -> Any:
     body: Any = {}
-    if isinstance(value, str) and value[:1].isalpha():
+    if isinstance(value, str) and (value[:1].isalpha() or value[:1] == "_"):
         name = value
     elif isinstance(value, str | int | float) and not isinstance(value, bool) and kinds.scalar:
         name, body = kinds.scalar, value

@@ -22,6 +22,9 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 _CHOICES = {"loss", "corruption", "latency", "access", "topology", "altitude", "roll", "pitch", "sensor"}
 """Fields in which one key chooses a model: setting another key there replaces the model."""
 
+_BY_KIND = {"agents", "world"}
+"""Fields in which a text alone is the kind."""
+
 
 class Problem(NamedTuple):
     """An error at a place: of a value, of a key, or of a missing field.
@@ -272,7 +275,7 @@ def _put(node: Any, path: tuple[str, ...], value: Any, name: str) -> Any:
             raise BadInput(f"{name!r} is a list of {len(node)}, {head!r} is no index into it; the first is 0")
         index = int(head)
         return [*node[:index], _put(node[index], rest, value, head), *node[index + 1 :]]
-    kept = node if isinstance(node, dict) else {}
+    kept = {"kind": node} if name in _BY_KIND and isinstance(node, str) else node if isinstance(node, dict) else {}
     if chooses and head not in kept:
         kept = {}
     return {**kept, head: _put(kept.get(head), rest, value, head)}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -280,8 +281,11 @@ def _code() -> str:
 
 
 def _source_hash(module: str) -> str:
-    file = getattr(sys.modules[module], "__file__", None)
-    return _hash([Path(file)]) if file else hashlib.sha256(cells_text().encode()).hexdigest()[:_DIGITS]
+    """Of a module's file or a notebook's cells; of code without a text, as of standard input, always another."""
+    file = Path(getattr(sys.modules[module], "__file__", ""))
+    if file.is_file():
+        return _hash([file])
+    return hashlib.sha256(cells_text().encode() or os.urandom(_DIGITS)).hexdigest()[:_DIGITS]
 
 
 def _hash(paths: Iterable[Path]) -> str:

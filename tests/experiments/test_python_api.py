@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import typing
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -119,3 +120,164 @@ def test_a_refused_task_leaves_nothing() -> None:
 
     asyncio.run(cell())
     assert not Path("runs").exists()
+
+
+OWN = """
+from dataclasses import dataclass
+
+import numpy as np
+
+from volery.agents import agent, payloads
+from volery.experiments.evaluation.evaluation import Evaluation
+from volery.transport.link_models import LatencyModel, LossModel
+from volery.units import Metres, Probability
+from volery.worlds.world import World
+
+@dataclass(frozen=True)
+class Settings:
+    noise: Metres = 1.0
+
+class Pond(World):
+    Parameters = Settings
+
+    def sensors(self, agent):
+        return {"depth": 10.0}
+
+    def measure(self, agent, sensor, index, time_ns):
+        return np.array([DEPTH + self.parameters.noise * self.random("depth", agent).normal(index)])
+
+    def truth(self, agent, quantity, time_ns):
+        return np.array([DEPTH])
+
+class Mean(Evaluation):
+    def central_estimate(self, agent, quantity, index, time_ns):
+        return DEPTH
+
+class Diver(agent.Agent):
+    evaluation = Mean
+    depth = 0.0
+
+    def on_sample(self, sample):
+        self.depth += 0.2 * (sample.value[0] - self.depth)
+        self.context.report("depth", self.depth, sample.index)
+        self.context.broadcast(payloads.encode(self.depth))
+
+    def on_frame(self, frame):
+        self.depth += 0.2 * (payloads.decode(frame.payload) - self.depth)
+
+@dataclass(frozen=True)
+class Every(LossModel):
+    share: Probability = 0.5
+
+    def probability(self, frame):
+        return self.share if frame.index % 2 else 0.0
+
+@dataclass(frozen=True)
+class Jitter(LatencyModel):
+    @property
+    def minimum_ns(self):
+        return 1_000_000
+
+    def latency_ns(self, frame):
+        return 1e6 + 1e6 * frame.uniform()
+
+class Unsaved(Diver):
+    def start(self):
+        print(LOCK)
+
+class Impossible(Diver):
+    @classmethod
+    def problems(cls, plan):
+        return ["it cannot be"]
+"""
+
+
+@pytest.fixture
+def cell(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, Any]]:
+    """Runs code as a cell of a notebook; what is defined there then."""
+    main = vars(sys.modules["__main__"])
+
+    def run(code: str) -> dict[str, Any]:
+        defined: dict[str, Any] = {"__name__": "__main__"}
+        exec(code, defined)  # noqa: S102 - the test's own code
+        for name in defined.keys() - {"__name__", "__builtins__"}:
+            monkeypatch.setitem(main, name, defined[name])
+        return defined
+
+    return run
+
+
+def pond(own: dict[str, Any]) -> dict[str, Any]:
+    """A scenario in which everything is the notebook's own."""
+    return {
+        "duration": "1 s",
+        "topology": {"complete": 3},
+        "agents": own["Diver"],
+        "world": {"kind": own["Pond"], "noise": "0.5 m"},
+        "links": {"latency": own["Jitter"], "loss": {own["Every"]: {"share": 0.9}}},
+        "faults": [{"at": "0.4 s", "where": "all", "set": {"loss": own["Every"]}}],
+    }
+
+
+def test_everything_can_be_the_notebooks_own(cell: Callable[[str], dict[str, Any]]) -> None:
+    """Agents, their evaluation, a world, losses and latencies of a cell: over Zenoh as in the twin, and certified."""
+    own = cell(f"DEPTH = 3.0\n{OWN}")
+    twin = volery.run(pond(own), engine="twin")
+    swarm = volery.run(pond(own), pace="lockstep")
+    assert swarm.problems == ()
+    assert swarm.samples().estimate.tobytes() == twin.samples().estimate.tobytes()
+    assert (twin.samples().oracle == 3.0).all()
+    assert "kind: __main__:Diver" in (twin.folder / "scenario.yaml").read_text("utf-8")
+    assert swarm.verify().lines[0].startswith("certified: 30 estimates and ")
+
+
+def test_a_cell_that_runs_again_counts(cell: Callable[[str], dict[str, Any]]) -> None:
+    """The class that was defined last is the one that runs, and the one before is refused."""
+    first = cell(f"DEPTH = 3.0\n{OWN}")
+    volery.run("beacons", agents=first["Diver"], world=first["Pond"], engine="twin", overrides=["duration=0.2 s"])
+    second = cell(f"DEPTH = 5.0\n{OWN}")
+    run = volery.run(pond(second), engine="twin")
+    assert (run.samples().truth == 5.0).all()
+    with pytest.raises(BadInput, match=r"agents\.kind: __main__:Diver is another object now"):
+        volery.run("beacons", agents={"kind": first["Diver"]})
+
+
+def test_a_sweep_of_the_notebooks_own(cell: Callable[[str], dict[str, Any]]) -> None:
+    """Its workers have the code by value; those of a Dask cluster are refused it."""
+    own = cell(f"DEPTH = 3.0\n{OWN}")
+    over = {"world.noise": ["0.1 m", "2 m"]}
+    swept = volery.sweep(pond(own), over, world=own["Pond"], workers=1, overrides=["duration=5 s"])
+    small, large = swept.table["depth.truth_error.steady_rms"]
+    assert small < large
+    assert repr(swept).startswith("Sweep scenario: 2 world.noise, 2 of 2 runs, ")
+    with pytest.raises(BadInput, match="--scheduler: __main__:Diver is of this program alone"):
+        volery.sweep(pond(own), over, scheduler="tcp://127.0.0.1:1")
+
+
+@pytest.mark.parametrize(
+    ("agents", "message"),
+    [
+        ("Unsaved", "__main__: Unsaved uses LOCK, which cannot be handed to other processes"),
+        ("Impossible", "agents: it cannot be"),
+        ("Settings", "Settings.* not a subclass of"),
+    ],
+)
+@pytest.mark.parametrize("engine", ["twin", "zenoh"])
+def test_what_is_refused_leaves_nothing(
+    cell: Callable[[str], dict[str, Any]], agents: str, message: str, engine: typing.Literal["twin", "zenoh"]
+) -> None:
+    """Neither a run's folder nor that of all runs."""
+    own = cell(f"import threading\nLOCK, DEPTH = threading.Lock(), 3.0\n{OWN}")
+    with pytest.raises(BadInput, match=message):
+        volery.run(pond(own), agents=own[agents], engine=engine)
+    assert not Path("runs").exists()
+
+
+def test_code_of_a_function_is_refused() -> None:
+    """It has no name by which it could be found."""
+
+    class Inner:
+        """An agent of a function."""
+
+    with pytest.raises(BadInput, match=r"agents: .*<locals>.Inner is made in a function: define it at the top"):
+        volery.run("beacons", agents=Inner)
