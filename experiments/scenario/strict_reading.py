@@ -32,7 +32,7 @@ def read_model(model: type[BaseModel], value: Any) -> Any:
     try:
         return model.model_validate_json(json.dumps(value), strict=True)
     except ValidationError as error:
-        known = [str(field.alias) for field in model.model_fields.values()]
+        known = [field.alias or name for name, field in model.model_fields.items()]
         details = [_with_known(detail, known) for detail in error.errors(include_url=False)]
         raise ValidationError.from_exception_data(error.title, details) from error
 

@@ -34,5 +34,8 @@ def test_what_is_wrong_with_some_is_said_at_its_place(refusal: Refusal) -> None:
     assert "agents.only.0.where: there is no agent '9'; agents: 1, 2, 3" in stranger
     unknown = refusal(replacing=(after, after + ONLY.replace("rate", "raet")))
     assert "agents.only.0.raet: unknown field (did you mean 'rate'?)" in unknown
+    stray = refusal(replacing=(after, after + ONLY.replace("rate", "zzzzzz")))
+    assert "unknown field (known: " in stray
+    assert "None" not in stray
     kind = refusal(replacing=(after, after + ONLY.replace("beacon", "becon")))
     assert "agents.only.0.kind: unknown agent kind 'becon' (did you mean 'beacon'?)" in kind
