@@ -14,6 +14,7 @@ from math import isnan, nan
 from typing import NamedTuple
 
 from ..errors import BadInput, RunFailed, VoleryError
+from ..user_code import described
 from .directed_link import DirectedLink
 
 
@@ -91,7 +92,7 @@ class Latency:
     @property
     def minimum_ns(self) -> int:
         """Smallest latency, on which lockstep pace rests."""
-        raise NotImplementedError("a latency model has a property minimum_ns, its smallest latency")
+        raise BadInput("a latency model has a property minimum_ns, its smallest latency")
 
     @property
     def mean_ns(self) -> float:
@@ -156,7 +157,7 @@ class LossModel(OwnModel, Loss):
 
     def probability(self, frame: SentFrame) -> float:
         """Probability that a frame is lost, from the frame and the parameters alone."""
-        raise NotImplementedError("a loss model has a method probability(frame), or begin(link)")
+        raise BadInput("a loss model has a method probability(frame), or begin(link)")
 
     def _function(self, frame: SentFrame) -> float:
         """That probability."""
@@ -186,7 +187,7 @@ class LatencyModel(OwnModel, Latency):
 
     def latency_ns(self, frame: SentFrame) -> float:
         """Latency of a frame from its last bit on, from the frame and the parameters alone."""
-        raise NotImplementedError("a latency model has a method latency_ns(frame), or begin(link)")
+        raise BadInput("a latency model has a method latency_ns(frame), or begin(link)")
 
     def _function(self, frame: SentFrame) -> float:
         """That latency."""
@@ -217,5 +218,4 @@ def naming(name: str, kind: type[VoleryError] = RunFailed) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        what = str(error) if isinstance(error, VoleryError) else f"{type(error).__name__}: {error}"
-        raise kind(f"{name}: {what}") from error
+        raise kind(f"{name}: {described(error)}") from error

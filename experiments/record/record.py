@@ -37,7 +37,7 @@ class Record:
     """One run. `batches` holds one batch for each agent and incarnation; `info` is what run.json says.
 
     `recovered`: the record was cut off and mended, so what happened last may be missing from it. `evaluation`: how the
-    run was judged; None if it was not yet, or could not be.
+    run was judged; None if it was not yet, or could not be. `only_read`: users' classes are not imported.
     """
 
     plan: Plan
@@ -46,6 +46,7 @@ class Record:
     info: Mapping[str, Any] = field(default_factory=dict)
     recovered: bool = False
     evaluation: EvaluationResult | None = None
+    only_read: bool = False
 
     def __repr__(self) -> str:
         return f"Record of {self.plan!r}: {', '.join(self.quantities()) or 'no estimates'}"
@@ -71,7 +72,7 @@ class Record:
         faults = {fault.id: fault for fault in self.plan.faults}
         for event in self.events:
             if event["event"] == "fault":
-                fault = decode_value(event["fault"], only_read=True)
+                fault = decode_value(event["fault"], only_read=self.only_read)
                 faults[fault.id] = fault
             elif event["event"] == "cleared":
                 faults[event["id"]] = replace(faults[event["id"]], until_ns=event["time_ns"])
@@ -264,10 +265,10 @@ def load(folder: Path, plan: Plan | None = None, *, evaluated: bool = True) -> R
     Raises:
         BadInput: no run there, or a damaged file; the message says how to get at what is there.
     """
-    plan = read_plan(folder, only_read=True) if plan is None else plan
     collector, recovered = collect(folder)
-    record = collector.record(plan, _info(folder), recovered=recovered)
-    return replace(record, evaluation=load_evaluation(folder / EVALUATION_FILE)) if evaluated else record
+    record = collector.record(plan or read_plan(folder, only_read=True), _info(folder), recovered=recovered)
+    evaluation = load_evaluation(folder / EVALUATION_FILE) if evaluated else None
+    return replace(record, evaluation=evaluation, only_read=plan is None)
 
 
 def collect(folder: Path) -> tuple[Collector, bool]:

@@ -62,7 +62,7 @@ def _of_kind(value: Any, kinds: Kinds, owner: Unit | None) -> Any:
         return {"kind": value.kind, **settings(value.parameters, owner)}
     name = kinds.name_of(type(value))
     body = settings(value, owner)
-    if kinds.tag == "kind" or ":" in name:
+    if kinds.tag == "kind" or (kinds.tag == "beside" and ":" in name):
         return {"kind": name, **body}
     if name == kinds.scalar and len(body) == 1:
         return next(iter(body.values()))

@@ -244,7 +244,8 @@ def _path(key: str) -> tuple[str, ...]:
     for part in key.split("."):
         path.append(part)
         if ":" in part:
-            first = max((place for place, name in enumerate(path) if name in _CHOICES), default=len(path) - 2) + 1
+            choices = (place for place, name in enumerate(path) if name in _CHOICES or name.isdecimal())
+            first = max(choices, default=len(path) - 2) + 1
             path[first:] = [".".join(path[first:])]
     return tuple(path)
 
