@@ -64,8 +64,8 @@ class AltitudeEkf(Agent):
             self._counts["refused"] += 1
             return
         self._counts["ahead"] += measurement.stamp_ns > frame.time_ns
-        stamp_ns = min(measurement.stamp_ns, frame.time_ns)
-        self._counts[self._replay.take(Stamped(stamp_ns, name, measurement.values))] += 1
+        time_ns = min(measurement.stamp_ns, frame.time_ns)
+        self._counts[self._replay.take(Stamped(time_ns, name, measurement.values, measurement.stamp_ns))] += 1
 
     def _fits(self, name: str, measurement: Measurement) -> bool:
         size = self._filter.size(name) if name in self._filter.sensors else None

@@ -18,16 +18,26 @@ Outcome = Literal["in order", "replayed", "repeated", "too old"]
 
 @dataclass(frozen=True, slots=True)
 class Stamped:
-    """A measurement: the time it was taken, its sensor, and its values (m,)."""
+    """A measurement: the time it was taken, its sensor, and its values (m,).
+
+    `stamp_ns`: the sensor's own stamp, by which copies are recognised, where that is later than `time_ns` because the
+    sensor's clock is ahead.
+    """
 
     time_ns: int
     source: str
     values: NDArray[np.float64]
+    stamp_ns: int | None = None
 
     @property
-    def key(self) -> tuple[int, str]:
-        """Sort key of measurements; a source has at most one at an instant."""
-        return self.time_ns, self.source
+    def identity(self) -> tuple[int, str]:
+        """Stamp and source; a source takes at most one measurement at an instant of its clock."""
+        return (self.time_ns if self.stamp_ns is None else self.stamp_ns), self.source
+
+    @property
+    def key(self) -> tuple[int, str, int]:
+        """Sort key of measurements."""
+        return self.time_ns, self.source, self.identity[0]
 
 
 class Replay(Generic[Belief]):
@@ -54,6 +64,7 @@ class Replay(Generic[Belief]):
         self._from_ns = start_ns
         self._kept: list[Stamped] = []
         self._after: list[Belief] = []
+        self._known: set[tuple[int, str]] = set()
 
     @property
     def latest(self) -> Belief:
@@ -64,9 +75,10 @@ class Replay(Generic[Belief]):
         """Use a measurement, and return how it was used."""
         if measurement.time_ns < self._from_ns:
             return "too old"
-        place = bisect_left(self._kept, measurement.key, key=_key)
-        if place < len(self._kept) and self._kept[place].key == measurement.key:
+        if measurement.identity in self._known:
             return "repeated"
+        self._known.add(measurement.identity)
+        place = bisect_left(self._kept, measurement.key, key=_key)
         self._kept.insert(place, measurement)
         belief = self._after[place - 1] if place else self._base
         del self._after[place:]
@@ -79,11 +91,12 @@ class Replay(Generic[Belief]):
 
     def _forget(self, before_ns: int) -> None:
         self._from_ns = max(self._from_ns, before_ns)
-        count = bisect_left(self._kept, (before_ns, ""), key=_key)
+        count = bisect_left(self._kept, (before_ns, "", 0), key=_key)
         if count:
             self._base = self._after[count - 1]
             del self._kept[:count], self._after[:count]
+            self._known = {(stamp_ns, source) for stamp_ns, source in self._known if stamp_ns >= before_ns}
 
 
-def _key(measurement: Stamped) -> tuple[int, str]:
+def _key(measurement: Stamped) -> tuple[int, str, int]:
     return measurement.key

@@ -190,6 +190,16 @@ def test_clocks_that_are_ahead_are_counted_and_their_measurements_used() -> None
     assert altitude_errors(samples(record, "altitude")).mean() < 0.03
 
 
+def test_copies_of_a_clock_that_is_ahead_count_once() -> None:
+    """They come at other times than the first ones: of 4 s at 100, 20 and 20 Hz no measurement is used twice."""
+    clock = ClockFault("c", 0, None, "laser", offset_ns=30 * MS)
+    links = LinkSettings(latency=Uniform(2 * MS, 9 * MS), duplication=1.0)
+    found = counts(run(plan_of(links, faults=[clock], seconds=4)))
+    assert found["ahead"] > 100
+    assert found["in order"] + found["replayed"] <= 4 * (100 + 20 + 20)
+    assert found["repeated"] > 500
+
+
 def test_frames_that_come_twice_count_once() -> None:
     """A link that duplicates every frame changes no estimate."""
     twice = run(plan_of(LinkSettings(latency=Constant(2 * MS), duplication=1.0), seconds=4))
