@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInput
-from ...quantities import Floats
+from ...quantities import Component, Floats
 from ...topologies import natural_key
 from ...transport.links import NANOSECONDS
 from ..analysis.accounting import account
@@ -32,12 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-FIGURES = ("estimates", "disagreement", "links", "age", "overview")
+FIGURES = ("estimates", "disagreement", "links", "age", "overview", "errors")
 _SCREEN_DPI = 120
 _OF_LINKS = ("links", "age")
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 _PANEL_IN, _OVERVIEW_IN, _PAD_IN = 1.35, 4.4, 0.07
 _PANELS, _OVERVIEW_PANELS = 12, 6
+_LEAST_SHARE = 1e-4
+"""Of the largest error: the smallest that is shown where errors do not contract to nothing."""
 _LONG = 5.0
 """A line is interrupted for so many times the step between reports that nine of ten are not above."""
 _COLUMNS, _OVERVIEW_COLUMNS = 6, 3
@@ -89,9 +91,17 @@ def figures(record: Record, which: Iterable[str] = (), quantity: str | None = No
     Raises:
         BadInput: no such figure or quantity.
     """
-    names = list(which) or list(FIGURES if record.evaluation and record.evaluation.compared() else _OF_LINKS)
+    names = list(which) or _all_of(record, quantity)
     _check("figure", names, FIGURES)
     return {name: _styled(partial(_draw, name, record, quantity)) for name in names}
+
+
+def _all_of(record: Record, quantity: str | None) -> list[str]:
+    """The figures for which a run has anything to show; errors by agent where each has its own."""
+    if record.evaluation is None or not record.evaluation.compared():
+        return list(_OF_LINKS)
+    is_shared = record.evaluation.quantity(quantity or record.evaluation.compared()[0]).is_shared
+    return [name for name in FIGURES if name != "errors" or not is_shared]
 
 
 def save(draw_into: Callable[[Figure], None], name: str, out: Path, formats: Sequence[str]) -> list[Path]:
@@ -159,12 +169,13 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         draw_of_links(record, figure)
         return
     seen = samples(record, quantity)
-    if name == "estimates":
-        width = COLUMN_IN if seen.is_shared else PAGE_IN
-        figure.set_size_inches(width, 0.5 + _PANEL_IN * min(_PANELS, seen.estimate.shape[2]))
-        if not seen.is_shared:  # the last number below an axis reaches beyond it
+    if name in _OF_COMPONENTS:
+        own = name == "errors" or not seen.is_shared
+        components = seen.difference_components if name == "errors" else seen.components
+        figure.set_size_inches(PAGE_IN if own else COLUMN_IN, 0.5 + _PANEL_IN * min(_PANELS, len(components)))
+        if own:  # the last number below an axis reaches beyond it
             figure.set_layout_engine("constrained", w_pad=_PAD_IN)
-        draw_estimates(record, seen, figure)
+        _OF_COMPONENTS[name](record, seen, figure)
     elif name == "disagreement":
         figure.set_size_inches(COLUMN_IN, 0.7 * COLUMN_IN)
         draw_disagreement(record, seen, figure)
@@ -172,7 +183,8 @@ def _draw(name: str, record: Record, quantity: str | None, figure: Figure) -> No
         figure.set_size_inches(PAGE_IN, _OVERVIEW_IN)
         left, right = figure.subfigures(1, 2, width_ratios=(1.1, 1.0), squeeze=False)[0]
         upper, lower = right.subfigures(2, 1, height_ratios=(1.0, 1.15), squeeze=False)[:, 0]
-        draw_estimates(record, seen, left, _OVERVIEW_PANELS, _OVERVIEW_COLUMNS)
+        draw_left = draw_estimates if seen.is_shared or np.isnan(seen.truth_error).all() else draw_errors
+        draw_left(record, seen, left, _OVERVIEW_PANELS, _OVERVIEW_COLUMNS)
         draw_disagreement(record, seen, upper)
         draw_links(record, lower)
 
@@ -184,67 +196,106 @@ def draw_estimates(
 
     Agents that have their own have their own columns, with two standard deviations about what they believe.
     """
-    count, agents = seen.estimate.shape[2], len(seen.agents)
-    labels = seen.components[:most]
-    columns = 1 if seen.is_shared else min(agents, most_agents)
-    panels = figure.subplots(len(labels), columns, sharex=True, squeeze=False)
-    panels[-1, 0].set_xlim(0, record.last_ns / NANOSECONDS)
+    if seen.is_shared:
+        panels = _panels(record, figure, seen.components[:most], [""])
+        lines = [_draw_all(axes, seen, number) for (number, _), axes in np.ndenumerate(panels)]
+    else:
+        panels = _panels(record, figure, seen.components[:most], seen.agents[:most_agents])
+        lines = [_draw_own(axes, seen, agent, number) for (number, agent), axes in np.ndenumerate(panels)]
+    _legend(figure, {label: line for each in lines for label, line in each.items()})
+    columns = () if seen.is_shared else seen.agents
+    panels[-1, 0].set_xlabel(f"time (s){_left_out(seen.components, most, columns, most_agents)}")
+
+
+def draw_errors(
+    record: Record, seen: Samples, figure: Figure | SubFigure, most: int = _PANELS, most_agents: int = _COLUMNS
+) -> None:
+    """Each agent's error to the truth over time, a panel a component, in two of the deviations that it stated."""
+    panels = _panels(record, figure, seen.difference_components[:most], seen.agents[:most_agents])
     lines: dict[str, Artist] = {}
-    for (number, column), axes in np.ndenumerate(panels):
-        name, unit, factor = labels[number]
-        if seen.is_shared:
-            lines |= _draw_all(axes, seen, number, factor)
-        else:
-            lines |= _draw_own(axes, seen, column, number, factor)
+    for (number, agent), axes in np.ndenumerate(panels):
+        course = _Course(seen, agent)
+        factor = seen.difference_components[number].factor
+        half = 2.0 * factor * course.of(seen.deviation[:, agent, number])
+        if not np.isnan(half).all():
+            lines["± 2 σ"] = axes.fill_between(course.time_s, -half, half, color=SKY, alpha=0.35, linewidth=0)
+        error = factor * course.of(seen.truth_difference[:, agent, number])
+        (lines["error to truth"],) = axes.plot(course.time_s, error, color=BLUE, linewidth=0.7)
+        axes.axhline(0.0, color=BLACK, linewidth=0.5)
+    _legend(figure, lines)
+    panels[-1, 0].set_xlabel(f"time (s){_left_out(seen.difference_components, most, seen.agents, most_agents)}")
+
+
+def _left_out(components: Sequence[Component], most: int, agents: Sequence[str], most_agents: int) -> str:
+    """What does not fit into a figure, to be said below it."""
+    parts = ((most, len(components), "components"), (most_agents, len(agents), "agents"))
+    return "".join(f"; {shown} of {count} {what}" for shown, count, what in parts if count > shown)
+
+
+def _panels(
+    record: Record, figure: Figure | SubFigure, components: Sequence[Component], agents: Sequence[str]
+) -> NDArray[Any]:
+    """Panels over time, a row a component and a column an agent, with the spans of the faults."""
+    panels: NDArray[Any] = figure.subplots(len(components), len(agents), sharex=True, squeeze=False)
+    panels[-1, 0].set_xlim(0, record.last_ns / NANOSECONDS)
+    for (row, column), axes in np.ndenumerate(panels):
+        name, unit, _ = components[row]
         if column == 0:
             axes.set_ylabel(f"{name} ({unit})" if unit else name)
-        if number == 0 and not seen.is_shared:
-            axes.set_title(f"agent {seen.agents[column]}")
-        if number == len(labels) - 1:
+        if row == 0 and agents[column]:
+            axes.set_title(f"agent {agents[column]}")
+        if row == len(components) - 1:
             axes.set_xlabel("time (s)")
-        _shade(record, axes, named=number == 0 and seen.is_shared)
-    _legend(figure, lines)
-    left_out = f"; {most} of {count} components" if count > most else ""
-    left_out += f"; {columns} of {agents} agents" if not seen.is_shared and columns < agents else ""
-    panels[-1, 0].set_xlabel(f"time (s){left_out}")
+        _shade(record, axes, named=row == 0 and not agents[column])
     figure.align_ylabels(panels[:, 0])
+    return panels
 
 
-def _draw_all(axes: Axes, seen: Samples, number: int, factor: float) -> dict[str, Artist]:
+def _draw_all(axes: Axes, seen: Samples, number: int) -> dict[str, Artist]:
     """One component of what all agents estimate; what there is for a legend."""
-    time_s = seen.time_ns / NANOSECONDS
+    time_s, factor = seen.time_ns / NANOSECONDS, seen.components[number].factor
     agents = axes.plot(time_s, factor * seen.estimate[:, :, number], color=SKY, alpha=0.5, linewidth=0.5)
     lines: dict[str, Artist] = {f"agents ({len(seen.agents)})": agents[0]}
-    oracle, truth = (factor * _any_agent(of) for of in (seen.oracle, seen.truth))
-    return lines | _draw_references(axes, time_s, oracle, truth, number)
+    oracle, truth = (factor * _any_agent(of)[:, number] for of in (seen.oracle, seen.truth))
+    return lines | _draw_references(axes, time_s, oracle, truth)
 
 
-def _draw_own(axes: Axes, seen: Samples, agent: int, number: int, factor: float) -> dict[str, Artist]:
-    """One component of what an agent estimates of its own, interrupted where it did not report for long."""
-    known = np.flatnonzero(~np.isnan(seen.estimate[:, agent]).any(axis=1))
-    steps = np.diff(seen.time_ns[known])
-    breaks = np.flatnonzero(steps > _LONG * np.quantile(steps, 0.9)) + 1 if len(steps) else np.zeros(0, dtype=np.int64)
+class _Course:
+    """The reports of one agent over time, interrupted where it did not report for long."""
 
-    def course(values: NDArray[Any]) -> NDArray[np.float64]:
-        return np.insert(values[known].astype(np.float64), breaks, np.nan, axis=0)
+    def __init__(self, seen: Samples, agent: int) -> None:
+        self._known = np.flatnonzero(~np.isnan(seen.estimate[:, agent]).any(axis=1))
+        steps = np.diff(seen.time_ns[self._known])
+        long = steps > _LONG * np.quantile(steps, 0.9) if len(steps) else steps > 0
+        self._breaks = np.flatnonzero(long) + 1
+        self.time_s = self.of(seen.time_ns) / NANOSECONDS
 
-    time_s, estimate = course(seen.time_ns) / NANOSECONDS, factor * course(seen.estimate[:, agent, number])
+    def of(self, values: NDArray[Any]) -> Floats:
+        """Values of the agent, (T,), at its reports, NaN where the line is interrupted."""
+        return np.insert(values[self._known].astype(np.float64), self._breaks, np.nan)
+
+
+def _draw_own(axes: Axes, seen: Samples, agent: int, number: int) -> dict[str, Artist]:
+    """One component of what an agent estimates of its own; what there is for a legend."""
+    course, factor = _Course(seen, agent), seen.components[number].factor
+    estimate = factor * course.of(seen.estimate[:, agent, number])
     lines: dict[str, Artist] = {}
     if seen.difference_components == seen.components and not np.isnan(seen.deviation[:, agent, number]).all():
-        half = 2.0 * factor * course(seen.deviation[:, agent, number])
-        lines["± 2 σ"] = axes.fill_between(time_s, estimate - half, estimate + half, color=SKY, alpha=0.35, linewidth=0)
-    (lines["agent"],) = axes.plot(time_s, estimate, color=BLUE, linewidth=0.7)
-    oracle, truth = (factor * course(of[:, agent]) for of in (seen.oracle, seen.truth))
-    return lines | _draw_references(axes, time_s, oracle, truth, number)
+        half = 2.0 * factor * course.of(seen.deviation[:, agent, number])
+        low, high = estimate - half, estimate + half
+        lines["± 2 σ"] = axes.fill_between(course.time_s, low, high, color=SKY, alpha=0.35, linewidth=0)
+    (lines["agent"],) = axes.plot(course.time_s, estimate, color=BLUE, linewidth=0.7)
+    oracle, truth = (factor * course.of(of[:, agent, number]) for of in (seen.oracle, seen.truth))
+    return lines | _draw_references(axes, course.time_s, oracle, truth)
 
 
-def _draw_references(axes: Axes, time_s: Floats, oracle: Floats, truth: Floats, number: int) -> dict[str, Artist]:
-    """One component of oracle and truth, (T, k), where they are known."""
+def _draw_references(axes: Axes, time_s: Floats, oracle: Floats, truth: Floats) -> dict[str, Artist]:
+    """Oracle and truth, where they are known."""
     lines: dict[str, Artist] = {}
-    if not np.isnan(oracle[:, number]).all():
-        (lines["oracle"],) = axes.plot(time_s, oracle[:, number], color=VERMILION)
-    if not np.isnan(truth[:, number]).all():
-        (lines["truth"],) = axes.plot(time_s, truth[:, number], color=BLACK, linestyle="--")
+    if not np.isnan(oracle).all():
+        (lines["oracle"],) = axes.plot(time_s, oracle, color=VERMILION)
+    if not np.isnan(truth).all():
+        (lines["truth"],) = axes.plot(time_s, truth, color=BLACK, linestyle="--")
     return lines
 
 
@@ -268,6 +319,8 @@ def draw_disagreement(record: Record, seen: Samples, figure: Figure | SubFigure)
                 axes.fill_between(times[known], low, high, color=colour, alpha=0.2, linewidth=0, zorder=0.5)
     if lines:
         axes.set_yscale("log")
+    if not seen.is_shared:  # the rounding of a first report that equals the oracle's is of no interest
+        axes.set_ylim(bottom=max(axes.get_ylim()[0], _LEAST_SHARE * axes.get_ylim()[1]))
     _shade(record, axes, named=True)
     _legend(figure, lines)
     axes.set_xlabel("time (s)" if seen.is_shared else "time (s); bands: 10 to 90 % of agents")
@@ -321,6 +374,12 @@ def draw_ages(record: Record, figure: Figure | SubFigure) -> None:
     axes.set_xlabel("time (s)")
     axes.set_ylabel("age of information (ms)")
     axes.set_xlim(0, max(record.last_ns, 1) / NANOSECONDS)
+
+
+_OF_COMPONENTS: dict[str, Callable[[Record, Samples, Figure], None]] = {
+    "estimates": draw_estimates,
+    "errors": draw_errors,
+}
 
 
 def _any_agent(reference: NDArray[np.float64]) -> NDArray[np.float64]:

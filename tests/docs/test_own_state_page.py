@@ -52,7 +52,7 @@ def test_every_command_does_what_the_page_says(folder: Path, capsys: pytest.Capt
     assert "place.truth_error.steady_rms" in swept
     assert "place.nees" in compared
     figures = {path.name for path in (folder / "runs" / "twin" / "figures").iterdir()}
-    assert {"estimates.png", "disagreement.png", "overview.png", "still-20s.png"} <= figures
+    assert {"estimates.png", "errors.png", "disagreement.png", "overview.png", "still-20s.png"} <= figures
 
 
 def test_each_robot_has_errors_of_its_own() -> None:

@@ -17,7 +17,7 @@ from volery.errors import BadInput
 from volery.experiments.analysis.filter_consistency import departure
 from volery.experiments.analysis.metrics import compute_metrics
 from volery.experiments.evaluation.evaluation import Evaluation
-from volery.experiments.figures.run_figures import draw_disagreement, draw_estimates
+from volery.experiments.figures.run_figures import draw_disagreement, draw_errors, draw_estimates, figures
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
 from volery.experiments.sweeps.sweep_runs import measure
@@ -175,10 +175,24 @@ def test_figures_have_a_column_for_each_agent(plan_of: Make) -> None:
     low, high = band.get_datalim(first.transData).intervaly
     assert (low, high) == pytest.approx((seen.estimate[:, 0, 0].min() - 1.0, seen.estimate[:, 0, 0].max() + 1.0))
     assert figure.axes[2].get_xlabel() == "time (s); 2 of 3 agents"
+    pooled = Figure()
+    draw_disagreement(record, seen, pooled)
+    assert [text.get_text() for text in pooled.legends[0].get_texts()] == ["error to oracle", "error to truth"]
+    assert len(pooled.axes[0].collections) == 2
     errors = Figure()
-    draw_disagreement(record, seen, errors)
-    assert [text.get_text() for text in errors.legends[0].get_texts()] == ["error to oracle", "error to truth"]
-    assert len(errors.axes[0].collections) == 2
+    draw_errors(record, seen, errors)
+    assert len(errors.axes) == 6
+    error, zero = (np.asarray(line.get_ydata(), dtype=float) for line in errors.axes[4].lines)
+    assert error == pytest.approx(seen.truth_difference[:, 1, 1])
+    assert set(zero) == {0.0}
+    (band,) = errors.axes[4].collections
+    assert tuple(band.get_datalim(errors.axes[4].transData).intervaly) == pytest.approx((-1.0, 1.0))
+    assert [name for name in figures(record) if name not in ("links", "age")] == [
+        "estimates",
+        "disagreement",
+        "overview",
+        "errors",
+    ]
 
 
 def test_a_covariance_of_another_size_is_refused(plan_of: Make) -> None:

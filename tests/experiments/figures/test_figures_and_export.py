@@ -46,7 +46,7 @@ def test_every_figure_is_drawn_in_every_format(tmp_path: Path, record: Record) -
     paths = figures.draw(record, figures.FIGURES, tmp_path / "new", ("png", "pdf"))
     assert [path.name for path in paths] == [
         f"{name}.{kind}"
-        for name in ("estimates", "disagreement", "links", "age", "overview")
+        for name in ("estimates", "disagreement", "links", "age", "overview", "errors")
         for kind in ("png", "pdf")
     ]
     assert all(path.stat().st_size > 1000 for path in paths)
@@ -143,7 +143,8 @@ def test_ages_peak_in_the_cut(record: Record) -> None:
 def test_a_run_without_frames_and_references_can_be_drawn(tmp_path: Path, record_of: Make) -> None:
     """No oracle, no truth, one agent, no frame: what there is is drawn, without a warning."""
     record = record_of(Batch("1", 0, [Estimate(k * MS, "x", k, [1.0, float("nan")]) for k in range(3)]))
-    assert len(figures.draw(record, figures.FIGURES, tmp_path, ["png"])) == 5
+    assert len(figures.draw(record, figures.FIGURES, tmp_path, ["png"])) == 6
+    assert len(figures.draw(record, (), tmp_path, ["png"])) == 5
 
 
 @pytest.mark.parametrize(
