@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...estimators import error_measures as measures
 from ...topologies import natural_key
-from ...transport.faults import Fault
+from ...transport.faults import Fault, Kill
 from ...transport.links import NANOSECONDS
 from ..evaluation.comparisons import Channel
 from ..evaluation.evaluation import Finding
@@ -241,7 +241,7 @@ def _quantity(record: Record, quantity: str, threshold: float | None) -> Quantit
         oracle_error=metrics["error to oracle"],
         truth_error=metrics["error to truth"],
         components=_components(seen, steady),
-        recoveries=_recoveries(record, all_courses),
+        recoveries=_recoveries(record, quantity, all_courses),
         contraction=contraction(seen) if quantity.endswith(ROUNDS) else math.nan,
     )
 
@@ -268,7 +268,7 @@ def _components(seen: Samples, steady: NDArray[np.bool_]) -> tuple[ComponentMetr
     )
 
 
-def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Recovery, ...]:
+def _recoveries(record: Record, quantity: str, all_courses: Mapping[str, Course]) -> tuple[Recovery, ...]:
     known = (name for name in _OF_RECOVERY if not np.isnan(all_courses[name].rms).all())
     of = next(known, "disagreement")
     course = all_courses[of]
@@ -277,9 +277,17 @@ def _recoveries(record: Record, all_courses: Mapping[str, Course]) -> tuple[Reco
     for fault in record.faults_in_effect:
         following = starts[bisect_right(starts, fault.at_ns) :][:1]
         threshold, recovery = _recovery(course, fault, following[0] if following else None)
+        if isinstance(fault, Kill) and not _came_back(record, quantity, fault):
+            recovery = None
         label = fault_label(fault, len(record.plan.links))
         found.append(Recovery(fault.id, label, of, threshold, _seconds(recovery)))
     return tuple(found)
+
+
+def _came_back(record: Record, quantity: str, kill: Kill) -> bool:
+    """Whether an agent that was to return has reported again, if it ever did."""
+    mine = record.estimates(quantity).get(kill.agent)
+    return mine is None or kill.until_ns is None or bool((mine.time_ns >= kill.until_ns).any())
 
 
 def _recovery(course: Course, fault: Fault, next_ns: int | None) -> tuple[float, int | None]:

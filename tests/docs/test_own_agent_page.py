@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import volery
+from volery.agents.agent import Agent
 from volery.experiments import execution
 from volery.experiments.cli.app import main
+from volery.experiments.evaluation.evaluation import Evaluation
 
 from .conftest import blocks, typed
 
@@ -21,6 +23,8 @@ PAGE = "own-agent.md"
 AGENT, FROM_PYTHON = blocks(PAGE, "python")
 (SCENARIO,) = blocks(PAGE, "yaml")
 COMMANDS = typed(PAGE)
+OF_NO_PAGE = {Agent: ["keeps_state"], Evaluation: ["declared"]}
+"""Methods that follow from others."""
 
 
 def write(folder: Path) -> None:
@@ -94,6 +98,26 @@ def test_every_command_does_what_the_page_says(
     seen = lossy.samples("temperature")
     assert seen.disagreement[-1] < 1e-6
     assert seen.oracle_error[-1].min() > 1e-3
+
+
+@pytest.mark.usefixtures("room")
+def test_a_thermometer_that_is_killed_comes_back() -> None:
+    """It begins anew at the next round after its restart, and all agree again, not quite on the mean of all."""
+    run = volery.run("room.yaml", engine="twin", overrides=["faults=[{at: 2 s, for: 1.01 s, kill: 5}]"])
+    assert run.problems == ()
+    seen = run.samples("temperature")
+    theirs = seen.estimate[:, seen.agents.index("5"), 0]
+    missing = np.isnan(theirs)
+    assert (seen.time_ns[missing].min(), seen.time_ns[missing].max()) == (2 * 10**9, 3 * 10**9)
+    assert seen.disagreement[-1] < 1e-3 < seen.oracle_error[-1].min()
+
+
+def test_the_page_names_all_that_a_class_may_override() -> None:
+    """Every public method of an agent and of an evaluation, and every class attribute."""
+    page = (Path(__file__).parents[2] / "docs" / PAGE).read_text("utf-8")
+    for base in (Agent, Evaluation):
+        hooks = [name for name in vars(base) if not name.startswith("_")]
+        assert [name for name in hooks if f"`{name}`" not in page and f"def {name}(" not in page] == OF_NO_PAGE[base]
 
 
 @pytest.mark.usefixtures("room")

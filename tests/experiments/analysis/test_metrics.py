@@ -91,6 +91,19 @@ def test_recovery_after_a_fault(record_of: Make) -> None:
     assert recovery.recovery_s == 0.149  # small again at 350 ms, the cut ended at 201 ms
 
 
+@pytest.mark.parametrize(("back", "recovery_s"), [(True, 0.0), (False, math.nan)])
+def test_an_agent_that_never_comes_back_has_not_recovered(record_of: Make, *, back: bool, recovery_s: float) -> None:
+    """However well the others estimate: a kill has recovered where its agent has reported again."""
+    kill = Kill("t1", 200 * MS, 300 * MS, "2")
+    batches = [Batch(name, 0) for name in ("1", "2")]
+    for batch in batches:
+        batch.estimates = [Estimate(50 * MS * k, "estimate", k, [MEAN + 0.1, -MEAN]) for k in range(20)]
+    if not back:
+        batches[1].estimates = batches[1].estimates[:4]
+    (recovery,) = compute_metrics(record_of(*batches, faults=(kill,))).quantities["estimate"].recoveries
+    assert recovery.recovery_s == pytest.approx(recovery_s, nan_ok=True)
+
+
 def test_what_is_not_defined_is_nan_and_null(record_of: Make) -> None:
     """A quantity without oracle and truth, from one agent alone, has no errors and no disagreement."""
     record: Record = record_of(Batch("1", 0, [Estimate(0, "own", 0, [1.0])]))
