@@ -1,4 +1,4 @@
-"""Sensors that are stuck repeat what they said, whatever they said it under."""
+"""What faults make of samples: stuck sensors repeat themselves, noise is drawn for each number."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.agents.plan import Plan
-from volery.agents.sensor_samples import measured
+from volery.agents.sensor_samples import Disturbances, measured
 from volery.transport.faults import Fault, SensorFault
 
 MS = 1_000_000
@@ -63,3 +63,28 @@ def test_noise_on_a_stuck_sensor_is_new_each_time() -> None:
     values = said(trouble("s", "stuck", 20, None), trouble("t", "noise", 30, None, 1.0))
     assert values[2] == 1
     assert len(set(values[3:])) == 3
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 4)], ids=["vector", "rows"])
+def test_noise_is_drawn_for_each_number_of_each_sample(shape: tuple[int, ...]) -> None:
+    """As large as it is said for each component, independent of all others; what says whose a row is keeps clean.
+
+    Over n samples a standard deviation is known to 1 / √(2n) of itself, a correlation to 1 / √n.
+    """
+    sizes, count = (1.0, 2.0, 0.5), 2000
+    fault = trouble("t", "noise", 0, None, *sizes)
+    disturbances = Disturbances(7)
+    samples = []
+    for index in range(count):
+        sample = disturbances.disturbed([fault], "1", "count", index, index * MS, np.zeros(shape))
+        assert sample is not None
+        samples.append(sample)
+    drawn = np.array(samples)
+    if len(shape) == 2:
+        assert (drawn[..., 0] == 0).all()
+        drawn = drawn[..., 1:]
+    series = drawn.reshape(count, -1)
+    expected = np.resize(sizes, series.shape[1])
+    np.testing.assert_allclose(series.std(axis=0), expected, rtol=4 / (2 * count) ** 0.5)
+    related = np.corrcoef(np.hstack([series[1:], series[:-1]]), rowvar=False) - np.eye(2 * series.shape[1])
+    assert abs(related).max() < 5 / count**0.5
