@@ -33,5 +33,6 @@ def cells_text() -> str:
         return ""
     own = [value for value in list(vars(main).values()) if getattr(value, "__module__", None) == MAIN]
     methods = [method for value in own if isclass(value) for method in vars(value).values()]
-    cells = dict.fromkeys(each.__code__.co_filename for each in (*own, *methods) if isfunction(each))
+    names = dict.fromkeys(each.__code__.co_filename for each in (*own, *methods) if isfunction(each))
+    cells = [name for name in names if not Path(name).is_file()]
     return "\n".join(filter(None, ("".join(linecache.getlines(cell)) for cell in cells)))

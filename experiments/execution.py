@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -191,7 +191,10 @@ def _in_a_loop(work: Coroutine[Any, Any, Ending]) -> Ending:
     except RuntimeError:
         return asyncio.run(work)
     with ThreadPoolExecutor(1, "volery") as thread:
-        return thread.submit(asyncio.run, work).result()
+        running = thread.submit(asyncio.run, work)
+        while not running.done():  # waiting without end, this thread would not notice a signal that another one took
+            wait([running], _LOOK_EVERY_S)
+        return running.result()
 
 
 async def _run_swarm(

@@ -14,7 +14,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_origin, get_t
 
 from pydantic import TypeAdapter, ValidationError
 
-from ..errors import BadInput
+from ..errors import BadInput, VoleryError
 from ..names import did_you_mean
 from .execution import Options
 from .run_arrays import Run, load_run, run_scenario, run_scenario_async
@@ -51,7 +51,7 @@ def checked(function: Callable[Arguments, Result]) -> Callable[Arguments, Result
                 raise BadInput(f"{name}(): {word} is {reprlib.repr(value)}, it must be {text}") from None
         try:
             return function(*args, **kwargs)
-        except BadInput as error:
+        except VoleryError as error:
             raise error.with_traceback(None) from _users_error(error)
 
     return call
@@ -60,7 +60,7 @@ def checked(function: Callable[Arguments, Result]) -> Callable[Arguments, Result
 def _users_error(error: BaseException) -> BaseException | None:
     """The error in a user's code that one comes from, if any: of how volery finds errors the message says enough."""
     cause = error.__cause__
-    return _users_error(cause) if isinstance(cause, BadInput | ValidationError) else cause
+    return _users_error(cause) if isinstance(cause, VoleryError | ValidationError) else cause
 
 
 @cache

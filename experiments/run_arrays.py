@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ from .verify import Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
+
+_WAKE_EVERY_S = 0.2
 
 
 class Figures(dict[str, "Figure"]):
@@ -63,7 +66,8 @@ class Run:
         for name, quantity in self.metrics.quantities.items():
             for one in quantity.components:
                 label = f"{name}: {one.name} ({one.unit})" if one.unit else f"{name}: {one.name}"
-                rows.append((label, f"{one.truth_rms:.3g}", f"{one.oracle_rms:.3g}"))
+                truth, oracle = ("–" if isnan(rms) else f"{rms:.3g}" for rms in (one.truth_rms, one.oracle_rms))
+                rows.append((label, truth, oracle))
         table = "".join(f"<tr><td>{'</td><td>'.join(map(escape, row))}</td></tr>" for row in rows)
         notes = [self.metrics.fidelity.verdict, *self.problems, f"folder {self.folder}"]
         return f"<b>{escape(head)}</b><table>{table}</table>{'<br>'.join(map(escape, notes))}"
@@ -166,7 +170,9 @@ async def run_scenario_async(
     stop = threading.Event()
     running = asyncio.create_task(asyncio.to_thread(run_scenario, scenario, overrides, given, options, stop))
     try:
-        return await asyncio.shield(running)
+        while not running.done():  # a notebook's kernel learns of Ctrl-C when its loop wakes up
+            await asyncio.wait([running], timeout=_WAKE_EVERY_S)
+        return running.result()
     except asyncio.CancelledError:
         stop.set()
         await asyncio.wait([running])

@@ -49,6 +49,9 @@ class Verdict:
     certified: bool
     lines: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return "\n".join(self.lines)
+
     @property
     def exit_code(self) -> int:
         """0 if certified, else 3."""

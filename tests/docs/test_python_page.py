@@ -65,7 +65,7 @@ def test_the_example_as_a_notebook(tmp_path: Path) -> None:
     assert shown[5]["text/plain"] == "()"
     assert shown[6]["text"].startswith("certified: 400 estimates")
     folder = tmp_path / shown[7]["text"].strip()
-    assert "class Averager(agent.Agent):" in (folder / "sources" / "__main__.py").read_text("utf-8")
+    assert (folder / "sources" / "__main__.py").read_text("utf-8").rstrip() == cells[0].rstrip()
 
 
 def executed(cells: list[str], folder: Path) -> list[Any]:

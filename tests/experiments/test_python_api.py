@@ -73,7 +73,7 @@ def test_an_interrupted_cell_has_what_was_recorded() -> None:
     cell = f"""
 import asyncio, volery
 async def cell():
-    run = volery.run("dfa4", overrides=["{FOREVER}"], name="long")
+    run = volery.run({{"duration": "1000 s", "topology": {{"line": 2}}, "agents": "beacon"}}, name="long")
     print(run.record.end_ns, run.problems)
 asyncio.run(cell())
 """
