@@ -70,10 +70,10 @@ def test_a_task_that_is_cancelled_ends_its_run_and_keeps_it() -> None:
 
 def test_an_interrupted_cell_has_what_was_recorded() -> None:
     """Ctrl-C, where a loop runs and volery waits in it, stops the swarm; the program goes on with the run."""
-    cell = f"""
+    cell = """
 import asyncio, volery
 async def cell():
-    run = volery.run({{"duration": "1000 s", "topology": {{"line": 2}}, "agents": "beacon"}}, name="long")
+    run = volery.run({"duration": "1000 s", "topology": {"line": 2}, "agents": "beacon"}, name="long")
     print(run.record.end_ns, run.problems)
 asyncio.run(cell())
 """
