@@ -16,6 +16,7 @@ from volery.errors import BadInput
 from volery.experiments.scenario.fault_labels import fault_label
 from volery.experiments.scenario.load import load_scenario, resolved_yaml
 from volery.experiments.scenario.schema import json_schema
+from volery.experiments.sweeps.sweep_plan import plan_sweep
 from volery.kinds import _added
 
 MS = 1_000_000
@@ -161,3 +162,10 @@ def test_readers_of_a_plan_import_no_model() -> None:
     assert len({read.links["1", "2"], read.links["2", "1"]}) == 1
     assert fault_label(read.faults[0], 4) == fault_label(plan.faults[0], 4)
     assert decode_plan(encode_plan(plan)) == plan
+
+
+def test_a_sweep_goes_over_parameters_of_a_model() -> None:
+    """Its results depend on the file of the model."""
+    sweep = plan_sweep("air.yaml", [], ["links.loss.1.air_links.models:Fading.reach=25 m,40 m"], None, "twin")
+    assert [fading(one.plan)[0] for one in sweep.loaded] == [25.0, 40.0]
+    assert "air_links.models" in sweep.made_with["modules"]
