@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import volery
-from volery.agents.journal import Batch
+from volery.agents.journal import Batch, Measured
 from volery.experiments import verify as certification
 from volery.experiments.record.record import Life
 
@@ -77,3 +78,14 @@ def test_the_same_run_is_certified(folder: Path) -> None:
     verdict = certification.verify(folder)
     assert verdict.certified
     assert verdict.lines[0].startswith("certified: ")
+
+
+def test_what_was_measured_from_a_frame_is_compared(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A measurement that only the twin has departs."""
+    mine = volery.load(folder).record.batches["3", 0]
+    frame = mine.heard[0]
+    seen = Measured(frame.due_ns, frame.source, frame.incarnation, frame.sequence, frame.copy, [2.5])
+    verdict = verdict_on(folder, monkeypatch, replace(mine, measured=[seen]))
+    assert not verdict.certified
+    what = f"agent 3 measured from frame {frame.sequence} from {frame.source}: nothing recorded, [2.5] in the twin"
+    assert verdict.lines[1] == f"first departure at {frame.due_ns / 1e9:.6f} s: {what}"

@@ -48,7 +48,7 @@ class Scripted(Agent):
 
     def _note(self, what: str, name: str) -> None:
         self.log.append((what, name, self.context.now_ns))
-        self.context.report(what, [], len(self.log))
+        self.context.report(what, 0.0, len(self.log))
 
     def on_timer(self, timer: Timer) -> None:
         """Send the line."""
