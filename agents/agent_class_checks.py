@@ -6,7 +6,7 @@ from dataclasses import is_dataclass
 from functools import cache
 
 from ..errors import BadInput
-from ..overrides import check_overrides
+from ..overrides import check_nothing_is_shared, check_overrides
 from .agent import Agent
 
 
@@ -15,7 +15,8 @@ def check_agent_class(kind: type[Agent], what: str) -> None:
     """Check methods and class attributes of an agent's class.
 
     Raises:
-        BadInput: see `check_overrides`; `Parameters` that are no frozen dataclass; `save` without `restore`.
+        BadInput: see `check_overrides` and `check_nothing_is_shared`; `Parameters` that are no frozen dataclass; `save`
+            without `restore`.
     """
     parameters = kind.Parameters
     if not (isinstance(parameters, type) and is_dataclass(parameters) and parameters.__dataclass_params__.frozen):  # type: ignore[attr-defined]
@@ -25,5 +26,6 @@ def check_agent_class(kind: type[Agent], what: str) -> None:
     if not isinstance(kind.evaluation, str | type):
         raise BadInput(f"{what}: evaluation is {kind.evaluation!r}, and must be a class or its import string")
     check_overrides(kind, Agent, what)
+    check_nothing_is_shared(kind, Agent, what)
     if kind.keeps_state() and kind.restore is Agent.restore:
         raise BadInput(f"{what} overrides save and not restore, so that what it saves would be lost: write both")

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from ...agents.agent import Received, Sample
 from ...agents.plan import Plan
 from ...agents.registry import find
-from ...errors import BadInput
 from ...estimators.error_measures import disagreement
 from ...estimators.information import unpack_covariance
-from ...names import imported_class
+from ...names import imported_class, subclass
+from ...overrides import check_overrides
 from ...quantities import Floats, Quantity, declared
 from ...transport.faults import Fault
 from ...worlds.own_world import OwnWorld
@@ -209,14 +209,12 @@ def evaluation_class(kind: str) -> type[Evaluation]:
     """The evaluation class that a kind of agents names.
 
     Raises:
-        BadInput: no such kind, module or class, or not a subclass of Evaluation.
+        BadInput: no such kind, module or class, not a subclass of Evaluation, or methods that take other arguments.
     """
     named, what = find(kind).evaluation, f"evaluation of agent kind {kind!r}"
-    if isinstance(named, str):
-        return imported_class(named, Evaluation, what)
-    if not issubclass(named, Evaluation):
-        raise BadInput(f"{what} is {named!r}, not a subclass of {Evaluation.__module__}.{Evaluation.__qualname__}")
-    return named
+    found = imported_class(named, Evaluation, what) if isinstance(named, str) else subclass(named, Evaluation, what)
+    check_overrides(found, Evaluation, what)
+    return found
 
 
 def evaluations(plan: Plan, world_reports: Mapping[str, Series]) -> dict[str, Evaluation]:

@@ -17,7 +17,7 @@ _MUTABLE = (list, dict, set, bytearray, deque, np.ndarray)
 
 
 def check_overrides(kind: type[Any], base: type[Any], what: str) -> None:
-    """Check that a subclass overrides methods as they are called, and shares no state between its objects.
+    """Check that a subclass overrides methods as they are called.
 
     Args:
         kind: the subclass.
@@ -25,7 +25,7 @@ def check_overrides(kind: type[Any], base: type[Any], what: str) -> None:
         what: start of error messages, such as "agent kind 'mine:Thermometer'".
     Raises:
         BadInput: a method that is async or a generator, takes other arguments, is a class method or not where it must
-            be the other; a method `on_…` that is never called; a mutable default or class attribute.
+            be the other; a method `on_…` that is never called.
     """
     for name, original in vars(base).items():
         own = inspect.getattr_static(kind, name)
@@ -35,6 +35,14 @@ def check_overrides(kind: type[Any], base: type[Any], what: str) -> None:
         if name.startswith("on_") and not hasattr(base, name):
             known = [each for each in dir(base) if each.startswith("on_")]
             raise BadInput(f"{what} has {name}, which is never called{did_you_mean(name, known)}: helpers begin with _")
+
+
+def check_nothing_is_shared(kind: type[Any], base: type[Any], what: str) -> None:
+    """Check that a subclass shares no state between its objects, which may be in one process or in several.
+
+    Raises:
+        BadInput: a mutable default or class attribute, unless that is a constant or a ClassVar.
+    """
     for problem in _shared(kind, base):
         raise BadInput(f"{what}: {problem}")
 
@@ -62,7 +70,6 @@ def _check_method(kind: type[Any], name: str, original: Any, own: Any, what: str
 
 
 def _shared(kind: type[Any], base: type[Any]) -> Iterator[str]:
-    """State that all objects of a class would share in one process, and have each of their own in several."""
     for cls in kind.__mro__[: kind.__mro__.index(base)]:
         hints = inspect.get_annotations(cls)
         for name, value in vars(cls).items():

@@ -305,6 +305,19 @@ class Misjudged(Agent):
     evaluation: ClassVar[str | type] = Agent
 
 
+class Former(Evaluation):
+    """As evaluations were written before."""
+
+    def truth(self, plan: Plan, quantity: str, index: int, time_ns: int, more: int) -> None:  # type: ignore[override]
+        """Takes a plan."""
+
+
+class OfFormer(Agent):
+    """Names an evaluation that cannot be asked."""
+
+    evaluation = Former
+
+
 class Nowhere(Agent):
     """Names a class that is not there."""
 
@@ -313,7 +326,11 @@ class Nowhere(Agent):
 
 @pytest.mark.parametrize(
     ("kind", "reason"),
-    [(Misjudged, "not a subclass of .*Evaluation"), (Nowhere, "cannot be loaded: .*Evaluator")],
+    [
+        (Misjudged, "not a subclass of .*Evaluation"),
+        (Nowhere, "cannot be loaded: .*Evaluator"),
+        (OfFormer, r"truth takes other arguments than \(self, agent, quantity, index, time_ns\)"),
+    ],
 )
 def test_a_class_that_is_no_evaluation_is_refused(kind: type[Agent], reason: str) -> None:
     """The message names the kind."""
