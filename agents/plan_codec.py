@@ -75,10 +75,10 @@ def encode_plan(plan: Plan, store: Store | None = None) -> str:
     return json.dumps(document, allow_nan=False)
 
 
-def named_by_value(plan: Plan) -> list[str]:
-    """What a plan names, as module:Name, that no other process can import."""
+def named_by_value(value: Any) -> list[str]:
+    """What a plan, or a value in it, names as module:Name that no other process can import."""
     encoder = _Encoder(None)
-    encoder.value(plan, "plan")
+    encoder.value(value, "value")
     return [f"{module}:{name}" for module, names in encoder.by_value.items() for name in sorted(names)]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ...agents.plan import Plan
+from ...agents.plan_codec import named_by_value
 from ...agents.process import Pace
 from ...agents.registry import find
 from ...errors import BadInput
@@ -60,6 +61,9 @@ def refuse(drafted: Sequence[Fault], now: RunState) -> None:
 def _check_kind(draft: Fault, now: RunState) -> None:
     if isinstance(draft, Kill) and draft.at_ns > 0:
         raise BadInput("a random process of kills belongs into the scenario's faults; live, kill now")
+    if (code := named_by_value(draft)) and not set(code) <= set(named_by_value(now.plan)):
+        text = "is of this program alone, and the agents that run do not have it"
+        raise BadInput(f"{', '.join(code)} {text}: put it into a module, or name it in the scenario too")
     if (forgetting := forgets(now.plan, draft)) is not None:
         raise BadInput(forgetting)
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import typing
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ import pytest
 
 import volery
 from volery.errors import BadInput
+from volery.experiments.scenario.load import load_scenario
+from volery.experiments.swarm.live_fault_checks import RunState, refuse
+from volery.transport.faults import LinkFault
 
 FOREVER = "duration=1000 s"
 
@@ -271,6 +275,17 @@ def test_what_is_refused_leaves_nothing(
     with pytest.raises(BadInput, match=message):
         volery.run(pond(own), agents=own[agents], engine=engine)
     assert not Path("runs").exists()
+
+
+def test_a_live_fault_brings_no_code(cell: Callable[[str], dict[str, Any]]) -> None:
+    """Agents that run have what the plan named; another class of the program is refused."""
+    own = cell(f"DEPTH = 3.0\n{OWN}")
+    fault = LinkFault("f1", 0, None, (("1", "2"),), {"loss": (own["Every"](),)})
+    plan = load_scenario(pond(own)).plan
+    now = RunState(plan, "lockstep", 0, {}, {"1", "2", "3"}, set())
+    refuse([fault], now)
+    with pytest.raises(BadInput, match="__main__:Every is of this program alone"):
+        refuse([fault], replace(now, plan=load_scenario("beacons").plan))
 
 
 def test_code_of_a_function_is_refused() -> None:
