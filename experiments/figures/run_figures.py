@@ -280,7 +280,7 @@ def _draw_own(axes: Axes, seen: Samples, agent: int, number: int) -> dict[str, A
     course, factor = _Course(seen, agent), seen.components[number].factor
     estimate = factor * course.of(seen.estimate[:, agent, number])
     lines: dict[str, Artist] = {}
-    if seen.difference_components == seen.components and not np.isnan(seen.deviation[:, agent, number]).all():
+    if seen.states_deviations:
         half = 2.0 * factor * course.of(seen.deviation[:, agent, number])
         low, high = estimate - half, estimate + half
         lines["± 2 σ"] = axes.fill_between(course.time_s, low, high, color=SKY, alpha=0.35, linewidth=0)

@@ -65,8 +65,8 @@ class Samples:
     def to_dataframe(self) -> DataFrame:
         """A row for each sample and agent that has an estimate; needs the extra `data`.
 
-        Columns: time_s, index, agent, and for each component its estimate under its name, `…_oracle` and `…_truth`, in
-        the units of people, which `attrs["units"]` tells by column.
+        Columns: time_s, index, agent, and for each component its estimate under its name, `…_oracle` and `…_truth`,
+        and where agents stated it the `…_deviation`, in the units of people, which `attrs["units"]` tells by column.
 
         Raises:
             BadInput: pandas is not installed.
@@ -103,13 +103,22 @@ class Samples:
         )
         return found
 
+    @property
+    def states_deviations(self) -> bool:
+        """Whether agents stated standard deviations, and these are of the components themselves."""
+        return self.components == self.difference_components and not np.isnan(self.deviation).all()
+
     def _by_component(self) -> Iterator[tuple[str, Floats]]:
+        columns = {"": self.estimate, "_oracle": self.oracle, "_truth": self.truth}
+        if self.states_deviations:
+            columns["_deviation"] = self.deviation
         for number, (name, _, factor) in enumerate(self.components):
-            for end, values in (("", self.estimate), ("_oracle", self.oracle), ("_truth", self.truth)):
+            for end, values in columns.items():
                 yield name + end, factor * values[..., number]
 
     def _units(self) -> dict[str, str]:
-        return {name + end: unit for name, unit, _ in self.components for end in ("", "_oracle", "_truth")}
+        ends = ("", "_oracle", "_truth", *(("_deviation",) if self.states_deviations else ()))
+        return {name + end: unit for name, unit, _ in self.components for end in ends}
 
 
 def _needed(package: str) -> Any:

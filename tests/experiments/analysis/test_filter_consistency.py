@@ -146,6 +146,9 @@ def test_ones_own_state_has_errors_and_no_disagreement(plan_of: Make) -> None:
     assert not seen.is_shared
     assert seen.truth[-1] == pytest.approx(np.array([home("1"), home("2"), home("3")]))
     assert seen.deviation == pytest.approx(DEVIATION)
+    table = seen.to_dataframe()
+    assert table["y_deviation"].to_numpy() == pytest.approx(DEVIATION)
+    assert table.attrs["units"]["y_deviation"] == "m"
 
 
 def test_places_of_ones_own_are_drawn_where_their_agent_is(plan_of: Make) -> None:
