@@ -87,7 +87,7 @@ def _frames(record: Record, selection: Selection) -> Iterator[Entry]:
 
 
 def frame_text(frame: FrameFate) -> str:
-    """A frame in words: link, number, size, airtime, due, fate, and what else is to be said of it."""
+    """A frame in words: link, number, size, airtime, due, fate and remarks."""
     link = f"{frame.source}→{frame.target}"
     number = f"#{frame.sequence}" + (f" life {frame.incarnation}" if frame.incarnation else "")
     size = "" if frame.size is None else f"{frame.size} B"

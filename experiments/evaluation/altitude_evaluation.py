@@ -76,7 +76,7 @@ class AltitudeEvaluation(Evaluation):
         return dict(reported(self._parameters, self._filter, belief)).get(quantity)
 
     def findings(self, run: RunData) -> Sequence[Finding]:
-        """Errors of the altitude, and what became of the measurements."""
+        """Errors of the altitude, and the fates of the measurements."""
         return list(self._findings(run)) if ALTITUDE in run.quantities() else []
 
     def _findings(self, run: RunData) -> Iterator[Finding]:

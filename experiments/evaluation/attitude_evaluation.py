@@ -1,4 +1,4 @@
-"""Measurement units of a body: its attitude, what all sensors of the network say of it, and what became of messages."""
+"""Measurement units of a body: its attitude, the estimate from all sensors, and the fates of messages."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class AttitudeEvaluation(Evaluation):
 
 
 def _messages(run: RunData) -> Iterator[Finding]:
-    """What became of messages until each unit's last count of them; units that died began to count anew."""
+    """The fates of messages up to each unit's last count; the counts of a restarted unit begin at 0."""
     if MESSAGES not in run.quantities():
         return
     total = np.zeros(len(FATES))

@@ -39,7 +39,7 @@ class Series(NamedTuple):
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that there is to say of a run: a number in its unit, a sentence, or both."""
+    """A result of a run: a number in its unit, a sentence, or both."""
 
     name: str
     value: float = math.nan
@@ -89,20 +89,20 @@ class RunData(Protocol):
         """Agent → what was true for each of its reports, (n, k), NaN where that is not known."""
 
     def central(self, quantity: str) -> Mapping[str, Floats]:
-        """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
+        """Agent → the central estimate for each of its reports, (n, k), NaN where there is none."""
 
     def nees(self, quantity: str) -> Mapping[str, Floats]:
         """Agent → NEES of each of its reports, or NIS of innovations, (n,), NaN where no covariance belongs to it."""
 
     def central_nees(self, quantity: str) -> Mapping[str, Floats]:
-        """The same for what the central estimator said, with the covariance that it stated."""
+        """The same for the central estimates, with their covariances."""
 
 
 class Evaluation:
     """Base of all evaluations: quantities are vectors of numbered components, nothing is known of their truth.
 
     `quantities` declares what is reported, as the world may; what nobody declares is a plain estimate. `needs_payloads`
-    asks for the payloads of all delivered frames to be recorded, and told to `received`. `world_reports` is what a
+    asks for the payloads of all delivered frames to be recorded, and given to `received`. `world_reports` is what a
     coupled world wrote down of the truth.
     """
 
@@ -130,7 +130,7 @@ class Evaluation:
         """A frame was delivered to an agent."""
 
     def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> ArrayLike | None:
-        """What the central estimator says of what an agent reports; None where it says nothing.
+        """The central estimate of what an agent reports; None where there is none.
 
         It has been fed everything up to the instant, which is `instant` of the report; instants ascend.
         """
@@ -185,7 +185,7 @@ class Evaluation:
         return View(places, covariances) if places else None
 
     def findings(self, run: RunData) -> Sequence[Finding]:
-        """What there is to say of a run beyond the errors of each quantity."""
+        """Results of a run beyond the errors of each quantity."""
         return ()
 
 

@@ -1,4 +1,4 @@
-"""What an evaluation says of a run, and its file: all that tables and figures need besides the record."""
+"""The result of an evaluation, and its file: all that tables and figures need besides the record."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class EvaluatedQuantity:
 class Places:
     """Where something is, or is believed to be, from each of T instants on: `places` (T, M, 2) [m] of M `names`.
 
-    NaN where nothing is said. `covariances` (T, M, 2, 2) [m²], or empty. `relative` (T,): all may be shifted alike.
+    NaN where nothing is known. `covariances` (T, M, 2, 2) [m²], or empty. `relative` (T,): all may be shifted alike.
     """
 
     names: tuple[str, ...]
@@ -135,10 +135,10 @@ def load_evaluation(path: Path) -> EvaluationResult | None:
         with path.open("rb") as opened, np.load(opened) as file:
             about = json.loads(file[_ABOUT].tobytes())
             if about["version"] != VERSION:
-                raise BadInput(f"{path} is of another version of volery: `volery evaluate` makes it anew")
+                raise BadInput(f"{path} is of another version of volery: `volery evaluate` makes it again")
             result: EvaluationResult = decode_value(about["result"], lambda name: file[name].tobytes(), only_read=True)
             return result
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
-        raise BadInput(f"{path} is damaged ({error}): `volery evaluate` makes it anew") from error
+        raise BadInput(f"{path} is damaged ({error}): `volery evaluate` makes it again") from error

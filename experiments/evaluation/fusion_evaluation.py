@@ -137,10 +137,10 @@ class TrackerEvaluation(FusionEvaluation):
 
     def _position_errors(self, run: RunData) -> Iterator[Finding]:
         own, best = [], []
-        for agent, told in run.estimates(ESTIMATE).items() if ESTIMATE in run.quantities() else ():
-            settled = [self.has_settled(sample, run) for sample in told.sample.tolist()]
+        for agent, reports in run.estimates(ESTIMATE).items() if ESTIMATE in run.quantities() else ():
+            settled = [self.has_settled(sample, run) for sample in reports.sample.tolist()]
             truth, central = run.truth(ESTIMATE)[agent], run.central(ESTIMATE)[agent]
-            own += list((told.value - truth)[settled, :2])
+            own += list((reports.value - truth)[settled, :2])
             best += list((central - truth)[settled, :2])
         if own:
             yield Finding("position error", _rms(own), "m", "rms over agents and samples after a quarter of the run")

@@ -56,7 +56,7 @@ class MavEvaluation(Evaluation):
         return formation_view(self._names, reports[FORMATION], reports.get(COVARIANCE))
 
     def findings(self, run: RunData) -> Sequence[Finding]:
-        """Formation, spread, drift, sight, frames, consistency, and what became unobservable."""
+        """Formation, spread, drift, sight, frames, consistency, and what is no longer observable."""
         return mav_findings.findings(self.plan, run)
 
 
@@ -126,7 +126,7 @@ class CentralisedFormation:
         self._seen = []
 
     def state(self, time_ns: int) -> Floats:
-        """Of the formation at an instant, which is not before anything that was told."""
+        """Of the formation at an instant, not before any sample or command so far."""
         self._go_on(time_ns)
         self._take_in()
         return self._filter.state

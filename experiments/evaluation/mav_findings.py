@@ -1,4 +1,4 @@
-"""What there is to say of a flight: shape, spread of the estimates, drift, collisions, frames and consistency."""
+"""Results of a flight: shape, spread of the estimates, drift, collisions, frames and consistency."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _kills(run: RunData) -> list[Kill]:
     return [fault for fault in run.faults_in_effect if isinstance(fault, Kill)]
 
 
-# -- estimates beside each other -----------------------------------------------------------------------------------
+# -- spread of the estimates ----------------------------------------------------------------------------------------
 
 
 def estimate_spread(estimates: Mapping[str, Series], component: int = 0) -> tuple[NDArray[np.int64], Floats]:

@@ -20,7 +20,7 @@ _ANGLES = tuple(Component(angle, "mrad", 1000.0) for angle in ("roll", "pitch", 
 
 
 class MheEvaluation(Evaluation):
-    """Estimates belong to points; the central estimator has every sample in time, as have the filters beside it."""
+    """Estimates belong to points; the central estimator has every sample in time, as have the Kalman filters."""
 
     quantities = (
         *(Quantity(f"{ATTITUDE} {kind}{suffix}", _ANGLES) for kind in "AB" for suffix in ("", EKF)),

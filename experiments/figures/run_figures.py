@@ -227,7 +227,7 @@ def draw_errors(
 
 
 def _left_out(components: Sequence[Component], most: int, agents: Sequence[str], most_agents: int) -> str:
-    """What does not fit into a figure, to be said below it."""
+    """A note below a figure about what does not fit into it."""
     parts = ((most, len(components), "components"), (most_agents, len(agents), "agents"))
     return "".join(f"; {shown} of {count} {what}" for shown, count, what in parts if count > shown)
 

@@ -1,7 +1,7 @@
 """What each link was asked to do to its frames, and what it did: the emulation held to its scenario.
 
 The settings are read at the start of each transmission, as the link itself does. What a half-duplex or shared medium
-did to a frame at its receiver is nobody's setting, and is left out.
+did to a frame at its receiver does not follow from settings, and is left out.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ def _channel(
 
 
 def _swallowed(frames: Sequence[_Transmission], place: _Place, field: str, verdict: str, alpha: float) -> Comparison:
-    """Frames that the models of a field swallow; the models begin anew where they change and with each life.
+    """Frames that the models of a field lose; the models restart where they change and with each incarnation.
 
     Copies come last, and have models of their own.
     """

@@ -96,7 +96,7 @@ def evaluate_run(record: Record, folder: Path) -> Record:
 
 
 def _facts(record: Record, judges: tuple[Evaluation, ...]) -> Iterator[_Step]:
-    """What every evaluation is told."""
+    """Commands, payloads and samples, for every evaluation."""
     order = {agent.name: number for number, agent in enumerate(record.plan.all_agents)}
     world = record.plan.world or record.plan.coupled
     for (agent, _), batch in record.batches.items():

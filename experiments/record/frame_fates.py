@@ -27,7 +27,7 @@ RECEIVER_DOWN, SENDER_DOWN = "receiver-down", "sender-down"
 
 
 class FateClass(Enum):
-    """What a fate says of a frame and its link; only delivered frames and those lost on the air were transmitted."""
+    """The meaning of a fate; only delivered frames and those lost on the air were transmitted."""
 
     DELIVERED = "delivered"
     LOST_ON_AIR = "transmitted, and lost on its way or at its receiver"
@@ -174,7 +174,7 @@ _LinkLife = tuple[LinkName, int]
 
 
 def _entries(batch: Batch) -> Iterator[tuple[_LinkLife, Number, str, Any]]:
-    """All that a batch says of frames: link and incarnation, number, field of `_Frame`, and the entry."""
+    """All entries of a batch about frames: link and incarnation, number, field of `_Frame`, and the entry."""
     agent, life = batch.agent, batch.incarnation
     of_receiver = (
         ("released", batch.released),
@@ -222,7 +222,7 @@ class _Frame:
 
     @property
     def settled(self) -> str | None:
-        """The fate that its receiver or its sender gave it; None if that follows from what became of them."""
+        """The fate that its receiver or its sender gave it; None if it follows from their deaths."""
         if self.heard is not None:
             return self.heard.fate
         return None if self.dropped is None else self.dropped.cause
@@ -262,7 +262,7 @@ class _LinkJournal:
 
     @cached_property
     def _newest_heard(self) -> tuple[float, int]:
-        """Start and copy of the newest transmission that was heard; what only its receiver knows of came after it."""
+        """Start and copy of the newest transmission with an entry of its receiver; those without a start are newer."""
         starts = (
             (math.inf if frame.sent is None else frame.sent.start_ns, copy)
             for (_, copy), frame in self.frames.items()
@@ -271,7 +271,7 @@ class _LinkJournal:
         return max(starts, default=(-1, 0))
 
     def is_last(self, sent: Sent) -> bool:
-        """Whether nothing was heard that was transmitted after this frame."""
+        """Whether the receiver has no entry of anything transmitted after this frame."""
         return (sent.start_ns, sent.copy) > self._newest_heard
 
     def numbers(self) -> list[Number]:
@@ -284,7 +284,7 @@ class _LinkJournal:
 
 
 class _Absence(NamedTuple):
-    """A span in which an agent heard nothing; if it was not `injected` it may have heard some of it."""
+    """A span in which an agent was dead; if that was not `injected`, its beginning is not known exactly."""
 
     from_ns: int
     until_ns: int
@@ -350,7 +350,7 @@ def _frame_fate(source: _LinkLife, number: Number, frame: _Frame, fate: str, abs
 
 
 def _fate(source: _LinkLife, journal: _LinkJournal, frame: _Frame, absences: _Absences) -> str:
-    """What became of a frame: what its ends have said of it, else what follows from what became of its ends."""
+    """The fate of a frame: by the entries of its ends, else by their deaths."""
     (sender, target), incarnation = source
     if frame.settled is not None:
         return frame.settled
@@ -371,7 +371,7 @@ def _unheard(target: str, sent: Sent, absences: _Absences, *, last: bool, broken
         target: its receiver.
         sent: its sender's entry.
         absences: who was dead when.
-        last: nothing was heard that was transmitted after it.
+        last: its receiver has no entry of anything transmitted after it.
         broken_off: its sender's entries may stop before its end.
     """
     if sent.due_ns >= absences.end_ns:

@@ -55,7 +55,7 @@ def git_state(folder: Path) -> dict[str, Any] | None:
 
 
 def libraries(plan: Plan) -> dict[str, str]:
-    """Versions of what the agents' bits come from, beside NumPy and SciPy."""
+    """Versions of what the agents' bits come from, besides NumPy and SciPy."""
     used = {name for agent in plan.agents for name in find(agent.kind).libraries(agent.parameters)}
     return {name: version(name) for name in sorted(used)}
 

@@ -114,7 +114,7 @@ def read(folder: Path) -> tuple[list[Entry], bool]:
 
 
 def recover(folder: Path) -> RecoverReport:
-    """Make a record that was cut off readable: its whole chunks are written anew, the file as it was is kept beside it.
+    """Make a record that was cut off readable: its whole chunks are written to a new file, and the old one is kept.
 
     An evaluation, which was of all of it, is removed.
 

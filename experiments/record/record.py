@@ -1,4 +1,4 @@
-"""A run as data: what every agent reported, what became of every frame, and what happened to the run."""
+"""A run as data: reports of agents, entries about frames, and events of the run."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Record:
 
     @cached_property
     def as_run(self) -> Plan:
-        """The plan with the faults as they really were: what sensors said follows from it."""
+        """The plan with the faults as they really were: samples follow from it."""
         return replace(self.plan, faults=self.faults)
 
     @cached_property
@@ -123,7 +123,7 @@ class Record:
 
     @cached_property
     def of_agents(self) -> dict[Life, Batch]:
-        """The batches of the agents in natural order, without those of who ran beside them."""
+        """The batches of the agents in natural order, without those of world agents."""
         world_agents = {one.name for one in self.plan.world_agents}
         mine = (item for item in self.batches.items() if item[0][0] not in world_agents)
         return dict(sorted(mine, key=lambda item: (natural_key(item[0][0]), item[0][1])))
@@ -170,7 +170,7 @@ class Record:
         return self.evaluated.quantity(quantity).truth
 
     def central(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
-        """Agent → what the central estimator said for each of its reports, (n, k), NaN where it said nothing."""
+        """Agent → the central estimate for each of its reports, (n, k), NaN where there is none."""
         return self.evaluated.quantity(quantity).central
 
     def nees(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
@@ -178,7 +178,7 @@ class Record:
         return self.evaluated.quantity(quantity).nees
 
     def central_nees(self, quantity: str) -> Mapping[str, NDArray[np.float64]]:
-        """The same for what the central estimator said, with the covariance that it stated."""
+        """The same for the central estimates, with their covariances."""
         return self.evaluated.quantity(quantity).central_nees
 
     @cached_property
@@ -192,7 +192,7 @@ class Record:
 
     @cached_property
     def notes(self) -> tuple[Mapping[str, Any], ...]:
-        """What agents, and who ran beside them, noted: {"agent": …, "what": …, "time_ns": …, …}, in order of time."""
+        """The notes of agents and world agents: {"agent": …, "what": …, "time_ns": …, …}, in order of time."""
         found = (
             {"agent": agent, **event}
             for (agent, _), batch in self.batches.items()

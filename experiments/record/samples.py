@@ -27,7 +27,7 @@ class Samples:
     """T samples of N agents with k components each; NaN where an agent has no estimate or a reference is not known.
 
     time_ns (T,) int64; index (T,) int64; estimate, oracle, truth (T, N, k) in the agents' units, each entry of oracle
-    and truth belonging to the report beside it; the oracle is the central estimate. `oracle_difference` and
+    and truth belonging to the report in the same place; the oracle is the central estimate. `oracle_difference` and
     `truth_difference` (T, N, m): by how much estimates are off. `disagreement` (T,): root mean square distance of the
     agents to their mean, as seen from the first that has an estimate; NaN where each has its own and nothing
     `is_shared`. `deviation` (T, N, m): standard deviations of the difference to the truth, as agents stated them.
@@ -140,14 +140,14 @@ def samples(record: Record, quantity: str | None = None) -> Samples:
             raise BadInput("no agent reported an estimate")
     judged = record.evaluated.quantity(quantity)
 
-    def beside(of: Mapping[str, Floats]) -> Floats:
+    def stacked(of: Mapping[str, Floats]) -> Floats:
         return np.stack([take(of[agent], rows) for agent, rows in judged.rows.items()], axis=1)
 
     def apart(differences: Mapping[str, Floats], reference: Floats) -> Floats:
-        return beside(differences) if differences else subtracted(estimate, reference)
+        return stacked(differences) if differences else subtracted(estimate, reference)
 
-    estimate = beside({agent: mine.value for agent, mine in record.estimates(quantity).items()})
-    oracle, truth = beside(judged.central), beside(judged.truth)
+    estimate = stacked({agent: mine.value for agent, mine in record.estimates(quantity).items()})
+    oracle, truth = stacked(judged.central), stacked(judged.truth)
     unknown = np.full((max(map(len, judged.truth.values())), len(judged.difference_components)), np.nan)
     return Samples(
         quantity,
@@ -163,5 +163,5 @@ def samples(record: Record, quantity: str | None = None) -> Samples:
         apart(judged.central_difference, oracle),
         apart(judged.truth_difference, truth),
         judged.disagreement,
-        beside({agent: judged.deviation.get(agent, unknown) for agent in judged.rows}),
+        stacked({agent: judged.deviation.get(agent, unknown) for agent in judged.rows}),
     )

@@ -90,7 +90,7 @@ def local_pool(workers: int) -> Pool:
 
 @contextlib.contextmanager
 def _as_workers_begin() -> Iterator[None]:
-    """Processes that are started meanwhile have one thread for linear algebra, and never hear of Ctrl-C."""
+    """Processes that are started within have one thread for linear algebra, and do not receive Ctrl-C."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -89,7 +89,7 @@ def run_sweep(
         plan: what is swept.
         options: how.
         pool: who does the work, instead of the pool of the options.
-        watch: is told how far it has come after each run.
+        watch: called with the progress after each run.
     Raises:
         BadInput: an option does not fit, or the folder has the results of another sweep.
         RunFailed: a run could not be carried through; what is finished is kept.

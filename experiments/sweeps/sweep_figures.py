@@ -80,7 +80,7 @@ class Chart:
             if where.items() <= place.items()
         ]
 
-    def beside(self) -> list[str]:
+    def other_axes(self) -> list[str]:
         """Axes that are neither across nor by."""
         return [axis.name for axis in self.sweep.plan.axes if axis not in (self.across, self.by)]
 
@@ -164,7 +164,7 @@ def _curves(chart: Chart, figure: Figure) -> None:
     position = dict(zip(axis.labels, numbers, strict=True))
     means: list[float] = []
     lines = {}
-    for where, panel in _grid(chart.panels(chart.beside()), figure):
+    for where, panel in _grid(chart.panels(chart.other_axes()), figure):
         found = chart.intervals(chart.measure, where)
         means += [one.mean for _, one in found]
         for label, (colour, dashes, marker) in _looks(by.labels if by else ("",)).items():
@@ -206,7 +206,8 @@ def _heat(chart: Chart, figure: Figure) -> None:
     assert across is not None
     assert by is not None
     panels = [
-        (panel, chart.intervals(chart.measure, where)) for where, panel in _grid(chart.panels(chart.beside()), figure)
+        (panel, chart.intervals(chart.measure, where))
+        for where, panel in _grid(chart.panels(chart.other_axes()), figure)
     ]
     means = [one.mean for _, found in panels for _, one in found if math.isfinite(one.mean)]
     if not means:

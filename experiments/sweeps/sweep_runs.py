@@ -7,7 +7,7 @@ quantity.error.measure      error one of disagreement, oracle_error, truth_error
 quantity.component.error    steady-state rms of one component, the unit at the end of its name
 quantity.name               other numbers about a quantity, such as contraction
 quantity.nees               mean NEES over the dimension, of innovations quantity.nis: 1 where the covariance is right
-findings.name               what the kind of agents has to say of a run, and how often what was noted
+findings.name               findings of the evaluation, and how often what was noted
 links.…                     delivered_fraction of what was put on the air; bytes_per_agent_s, payload on the air, what
                             all neighbours hear counted once; medium_lost_fraction, by half-duplex, collision or access;
                             age_s, mean age of information; airtime, of the busiest medium
