@@ -258,7 +258,7 @@ def test_an_evaluation_comes_back_from_its_file_as_it_was(name: str, changes: tu
 def test_a_damaged_evaluation_is_named(tmp_path: Path) -> None:
     """The message says what to do."""
     (tmp_path / "evaluation.npz").write_bytes(b"PK\x03\x04 and no more")
-    with pytest.raises(BadInput, match=r"evaluation.npz is damaged .*`volery evaluate` makes it anew"):
+    with pytest.raises(BadInput, match=r"evaluation.npz is damaged .*`volery evaluate` makes it again"):
         load_evaluation(tmp_path / "evaluation.npz")
 
 
