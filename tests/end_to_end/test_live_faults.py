@@ -65,17 +65,17 @@ def test_live_link_faults_and_pauses_in_lockstep(plan_of: PlanOf) -> None:
 
 def test_kill_and_restart_in_realtime(plan_of: PlanOf) -> None:
     """A live kill ends the process; a restart brings the agent back without its state, and it estimates again."""
-    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
+    plan = plan_of("dfa4", "duration=600 s", "faults=[]")
 
     async def kill(swarm: Swarm, injector: Injector, collected: Collector) -> None:
-        first = swarm.pids()["5"]
-        await injector.inject({"kill": "5"})
-        await until(lambda: not swarm.is_alive("5"))
+        first = swarm.pids()["3"]
+        await injector.inject({"kill": "3"})
+        await until(lambda: not swarm.is_alive("3"))
         with pytest.raises(BadInput, match="not alive"):
-            await injector.inject({"pause": "5"})
-        await injector.restart("5")
-        assert swarm.pids()["5"] != first
-        await estimates_of(collected, ("5", 1))
+            await injector.inject({"pause": "3"})
+        await injector.restart("3")
+        assert swarm.pids()["3"] != first
+        await estimates_of(collected, ("3", 1))
         await swarm.stop()
 
     record, ending = run_swarm(plan, "realtime", kill)
@@ -83,7 +83,7 @@ def test_kill_and_restart_in_realtime(plan_of: PlanOf) -> None:
     assert {"died", "restarted", "cleared"} <= {event["event"] for event in record.events}
     assert [event["cause"] for event in record.events if event["event"] == "died"] == ["injected"]
     restarted = next(event["time_ns"] for event in record.events if event["event"] == "restarted")
-    assert min(estimate.time_ns for estimate in record.batches["5", 1].estimates) > restarted
+    assert min(estimate.time_ns for estimate in record.batches["3", 1].estimates) > restarted
 
 
 def test_kills_and_restarts_in_lockstep(plan_of: PlanOf) -> None:

@@ -154,23 +154,34 @@ def test_strangers_get_nothing_through() -> None:
 
 def test_killing_an_agent_from_outside(plan_of: PlanOf) -> None:
     """A kill -9 of one process: the run goes on, and says who died and when."""
-    plan = plan_of("dfa16-lossy", "duration=600 s", "faults=[]")
+    plan = plan_of("dfa4", "duration=600 s", "faults=[]")
+
+    async def have_heard(collected: Collector, agents: str, since_ns: int) -> None:
+        lives = [(agent, 0) for agent in agents]
+        await until(
+            lambda: all(
+                life in collected.batches and any(heard.due_ns > since_ns for heard in collected.batches[life].heard)
+                for life in lives
+            )
+        )
 
     async def kill(swarm: Swarm, _injector: Injector, collected: Collector) -> None:
         await until(lambda: swarm.status.time_ns > SECOND)
-        os.kill(swarm.pids()["5"], signal.SIGKILL)
+        await have_heard(collected, "1234", 0)
+        os.kill(swarm.pids()["3"], signal.SIGKILL)
         await until(lambda: any(event["event"] == "died" for event in collected.events))
-        await advanced(swarm, collected, SECOND)
+        (died,) = [event for event in collected.events if event["event"] == "died"]
+        await have_heard(collected, "124", died["time_ns"])
         await swarm.stop()
 
     record, ending = run_swarm(plan, "realtime", kill)
     assert ending.problems == ()
     (died,) = [event for event in record.events if event["event"] == "died"]
-    assert (died["agent"], died["cause"]) == ("5", "was killed from outside")
+    assert (died["agent"], died["cause"]) == ("3", "was killed from outside")
     assert died["time_ns"] > SECOND
     last = {agent: max(heard.due_ns for heard in batch.heard) for (agent, _), batch in record.batches.items()}
-    assert all(due_ns > died["time_ns"] for agent, due_ns in last.items() if agent != "5")
-    assert last["5"] < died["time_ns"]
+    assert all(due_ns > died["time_ns"] for agent, due_ns in last.items() if agent != "3")
+    assert last["3"] < died["time_ns"]
 
 
 _ASYNCHRONOUS = ("agents.estimator=running-sum", "agents.timing=asynchronous")
