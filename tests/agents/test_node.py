@@ -24,9 +24,10 @@ from volery.kinds import NoParameters
 from volery.transport import fabric
 from volery.transport.events import Event
 from volery.transport.faults import ClockFault, Fault, Kill, LinkFault, Pause
-from volery.transport.frames import Frame, Message
+from volery.transport.frames import AirFrame, Frame, Message
 from volery.transport.links import HALF_DUPLEX, LinkSettings, Queue
 from volery.transport.media_settings import HalfDuplex
+from volery.transport.propagation import Copy
 
 MS = 1_000_000
 
@@ -114,6 +115,23 @@ def test_a_late_frame_is_handled_at_once_and_named() -> None:
     assert bench.node.state.now_ns == 20 * MS
     assert bench.node.state.journal.late == [Late("2", 0, 1, 12 * MS, 8 * MS)]
     assert [entry.fate for entry in bench.node.state.journal.heard] == ["delivered", "delivered"]
+
+
+@pytest.mark.parametrize(
+    ("start_ms", "airtime_ms", "is_late"), [(8, 3, True), (13, 2, True), (7, 3, False), (14, 3, False)]
+)
+def test_a_transmission_heard_too_late_makes_the_frame_late_that_it_destroys(
+    start_ms: int, airtime_ms: int, is_late: bool
+) -> None:
+    """A frame was on the air from 10 ms until 14 ms and has been handled; then another turns out to have overlapped."""
+    bench = Bench(settings=LinkSettings(medium=HalfDuplex("node")))
+    copies = {"1": (Copy("1", 0, 0, 15 * MS, "delivered"),)}
+    bench.node.receiver.receive("2", AirFrame(0, 0, 10 * MS, 4 * MS, b"x", 1, None, copies, ()))
+    bench.until(20)
+    assert [text for text, *_ in bench.agent.heard] == ["x"]
+    bench.node.receiver.receive("3", AirFrame(0, 0, start_ms * MS, airtime_ms * MS, b"", 1, None, {}, ()))
+    late = Late("2", 0, 0, 15 * MS, 15 * MS - start_ms * MS)
+    assert bench.node.state.journal.late == [late] * is_late
 
 
 def test_what_a_late_frame_causes_comes_after_now() -> None:
