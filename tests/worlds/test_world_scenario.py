@@ -71,7 +71,7 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
         ({"pitch": {"sine": {"amplitudes": "5 deg"}}}, "world.pitch.sine.amplitude: is missing"),
         ({"roll": "95 deg"}, "world: roll reaches 95 deg"),
         ({"roll": "1e999 deg"}, "world.roll: '1e999 deg' is not finite"),
-        ({"rate": "-5 Hz"}, "world: rate is -5 Hz, it must be above 0"),
+        ({"rate": "-5 Hz"}, "world.rate: rate is -5 Hz, it must be above 0"),
         ({"distance_noise": "-5 mm"}, "world.distance_noise: noise -0.005 m must be at least 0"),
         ({"distance_noise": "5 mm", "sensor": {"infrared": {"noise": "1 mV"}}}, "not both"),
         ({"sensor": "infrared"}, "world.sensor.noise: is missing"),

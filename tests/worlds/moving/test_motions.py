@@ -161,7 +161,7 @@ WAY = {"area": [10, 10], "speed": "1 m/s", "count": 2}
         ({"paths": {"1": {"0 s": [0, 0], "0 ms": [1, 0]}}}, "world.paths.1: one of 0 s, 0 ms occurs twice: keep one"),
         ({"paths": {"1": {"0 s": [0, 0]}, "2": {"0 s": [0, 0, 0]}}}, "places have 2 and 3 coordinates"),
         ({"paths": {"1": {"0 s": 7}}}, "world.paths.1.0 s: should be a list, not 7"),
-        ({"random-waypoint": WAY, "position": {"rate": 0}}, "world: position.rate is 0 Hz"),
+        ({"random-waypoint": WAY, "position": {"rate": 0}}, "world.position.rate: rate is 0 Hz, it must be above 0"),
         ({"random-waypoint": WAY, "position": {"noise": "-1 m"}}, "world: position.noise is -1 m"),
         (
             {"random-waypoint": WAY, "position": {"sd": "1 m"}},

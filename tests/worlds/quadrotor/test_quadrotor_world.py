@@ -170,7 +170,7 @@ def test_a_scenario_says_who_carries_what() -> None:
             {"sensors": {"imu": 3}},
             "world.sensors.imu: 3 is none of gyroscope, accelerometer, magnetometer, flow, range_centre",
         ),
-        ({"rate": "0 Hz"}, "rate of gyroscope is 0 Hz, it must be above 0"),
+        ({"rate": "0 Hz"}, "world.rate: rate is 0 Hz, it must be above 0"),
         ({"rates": "50 Hz"}, "world.rates: should be a mapping of fields, not '50 Hz'"),
         (
             {"sensors": {"imu": "gyroscope"}, "rates": {"flow": "50 Hz"}},

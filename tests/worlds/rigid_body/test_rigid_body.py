@@ -186,7 +186,7 @@ def test_what_is_left_out_has_the_documented_defaults() -> None:
         ({"inertia": [0, "1 kg m²", "1 kg m²"]}, "world: inertia 0, 1, 1 kg m²: moments are above 0"),
         ({"torque": [0, 0, "1 N"]}, "world.torque.2: '1 N' is not a quantity here"),
         ({"rates": "fast"}, "world.rates: should be a list, not 'fast'"),
-        ({"rate": 0}, "world: rate is 0 Hz, it must be above 0"),
+        ({"rate": 0}, "world.rate: rate is 0 Hz, it must be above 0"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_place_and_remedy(change: dict[str, Any], message: str) -> None:
