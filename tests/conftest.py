@@ -1,7 +1,8 @@
-"""What all tests share: started programs react to Ctrl-C, and drawn cases are as many as a quick run can take."""
+"""What all tests share: Ctrl-C for started programs, few drawn cases in a quick run, output as wide as in a file."""
 
 from __future__ import annotations
 
+import os
 import signal
 
 from hypothesis import settings
@@ -12,3 +13,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # The same examples on every run and no deadline, as Hypothesis has it, but fewer than its 100 a test.
 settings.register_profile("ci", settings.get_profile("ci"), max_examples=40)
+
+# Tables are as wide as in a file, whatever terminal the tests are started from or a notebook's kernel claims to have.
+os.environ.pop("COLUMNS", None)

@@ -45,7 +45,6 @@ Volery = Callable[..., Said]
 def volery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Volery:
     """`volery("metrics", "last")` in an empty folder that holds a scenario, short.yaml."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setenv("PYTHONPATH", str(Path(package.__file__).resolve().parents[1]))
     Path("short.yaml").write_text(SCENARIO, encoding="utf-8")
 

@@ -58,7 +58,7 @@ def test_bad_input_is_raised_and_leaves_nothing(volery: Volery) -> None:
         package.run({**fields, "world": object()}, engine="twin")
     with pytest.raises(BadInput, match="realtime pace only"):
         package.run(fields, engine="twin", speed=2)
-    with pytest.raises(BadInput, match="cannot be read"):
+    with pytest.raises(BadInput, match="it is not the folder of a run"):
         package.load("runs/none")
     assert not Path("runs").exists()
 
