@@ -5,7 +5,8 @@
 
 Digests are of the reports and frames of each incarnation of each agent, of each true quantity that a coupled world
 recorded, and of the central estimates and the truth of each reported quantity. journals.json is of commit 93240e7. Bits
-depend on NumPy, SciPy, BLAS and the processor: compare only on the same kind of machine.
+depend on NumPy, SciPy, BLAS and the kernels that BLAS chooses for the processor: the kept ones are of OpenBLAS's
+kernels for SkylakeX, which OPENBLAS_CORETYPE=SkylakeX chooses on any processor with AVX-512.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
+from threadpoolctl import threadpool_info
 
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
@@ -25,6 +27,7 @@ from volery.experiments.scenario.load import builtin_scenarios, load_scenario
 from volery.experiments.twin import recorded
 
 KEPT = Path(__file__).with_name("journals.json")
+KEPT_KERNELS = "SkylakeX"
 _DIGITS = 16
 
 
@@ -68,6 +71,8 @@ def different(kept: dict[str, Any], found: dict[str, Any]) -> Iterator[str]:
 def main(names: list[str]) -> int:
     """Compare; 1 where a journal differs."""
     kept = json.loads(KEPT.read_text("utf-8"))
+    if other := {blas.get("architecture") for blas in threadpool_info()} - {KEPT_KERNELS}:
+        print(f"BLAS has kernels for {', '.join(map(str, other))} here: start with OPENBLAS_CORETYPE={KEPT_KERNELS}")
     failed = False
     for name in names or [scenario.name for scenario in builtin_scenarios()]:
         differences = list(different(kept[name], digests(recorded(load_scenario(name).plan))))

@@ -80,11 +80,8 @@ class ConsensusRounds:
 
     def update(self, received: Mapping[str, Vector]) -> None:
         """One round of the law."""
-        if self._state is None:
-            return
-        for source in sorted(received, key=natural_key):
-            self._state = self._law.receive(self._state, source, received[source])
-        self._state = self._law.round(self._state)
+        if self._state is not None:
+            self._state = self._law.hear(self._state, received)
 
     def estimate(self) -> Vector | None:
         """P⁻¹ q of the averages so far."""

@@ -110,22 +110,27 @@ class DfaModule(Agent):
         """Update with the messages of this round; report after the last round of a sample, on request after each."""
         received = self._received.pop(tag, {})
         self._rounds.update({source: vector for source, vector in received.items() if source in self._partners})
+        each = self.parameters.rounds
+        if number < each and not self.parameters.report_rounds:
+            return
         state = self._rounds.estimate()
         if state is None:
             return
         if self.parameters.model == "exact":
             state = exact_state(state)
-        each = self.parameters.rounds
         if number == each:
             self.context.report("estimate", state, sample)
         if self.parameters.report_rounds:
             self.context.report("estimate/round", state, sample * each + number)
 
     def _send_messages(self, tag: Tag) -> None:
+        """Send each neighbour its message; one that is the same for all is encoded once."""
+        encoded, payload = None, b""
         for other in self._partners:
             vector = self._rounds.message(other)
             if vector is not None and other in self.context.neighbours:
-                payload = payloads.encode([*tag, vector], self.parameters.payload)
+                if vector is not encoded:
+                    encoded, payload = vector, payloads.encode([*tag, vector], self.parameters.payload)
                 self.context.send(other, payload, stream="round")
 
     def on_frame(self, frame: Received) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
+from unittest.mock import Mock
 
 import networkx as nx
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from volery import topologies
 from volery.agents import payloads
 from volery.agents.agent import Context, Received, Sample, Timer
+from volery.agents.dfa import estimators as dfa_estimators
 from volery.agents.dfa.dfa_settings import DfaParameters
 from volery.agents.dfa.module import DfaModule
 from volery.agents.plan import AgentPlan, Plan
@@ -259,6 +261,32 @@ def test_rounds_are_reported_on_request() -> None:
     assert rounds.sample.tolist() == list(range(1, len(rounds.sample) + 1))
     assert (rounds.value[2::3] == samples.value[: len(rounds.value[2::3])]).all()
     assert max(error.max() for error in errors(record, "estimate/round").values()) < 1e-3
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> Mock:
+    """Count the calls of a function from now on."""
+    counter = Mock(wraps=getattr(owner, name))
+    monkeypatch.setattr(owner, name, counter)
+    return counter
+
+
+@pytest.mark.parametrize("each_round", [False, True])
+def test_only_reported_estimates_are_computed(monkeypatch: pytest.MonkeyPatch, each_round: bool) -> None:
+    """Of three rounds a module solves for the last one only, unless each is reported."""
+    solved = counted(monkeypatch, dfa_estimators, "estimate")
+    record = run(plan_of(COMPLETE, rounds=3, report_rounds=each_round))
+    reports = record.estimates("estimate/round" if each_round else "estimate").values()
+    assert solved.call_count == sum(len(series.sample) for series in reports) > 0
+
+
+@pytest.mark.parametrize(("estimator", "copies"), [("metropolis-least-squares", 4), ("flow-updating", 1)])
+def test_a_message_to_all_neighbours_is_encoded_once(
+    monkeypatch: pytest.MonkeyPatch, estimator: str, copies: int
+) -> None:
+    """Averages are the same for all four neighbours; flows differ from neighbour to neighbour."""
+    encoded = counted(monkeypatch, payloads, "encode")
+    record = run(plan_of(COMPLETE, estimator=estimator))
+    assert encoded.call_count * copies == sum(len(batch.sent) for batch in record.batches.values()) > 0
 
 
 def test_a_module_survives_a_pause() -> None:
