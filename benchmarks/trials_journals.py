@@ -23,7 +23,8 @@ from threadpoolctl import threadpool_info
 
 from volery.experiments.record.record import Record
 from volery.experiments.record.samples import samples
-from volery.experiments.scenario.load import builtin_scenarios, load_scenario
+from volery.experiments.scenario.library import builtin_scenarios
+from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
 
 KEPT = Path(__file__).with_name("journals.json")

@@ -55,11 +55,11 @@ class PlaceFilter:  # an extended Kalman filter of the places of one robot, or o
         for anchor, far in sample.value if sample.sensor == "range" and sample.value is not None else ():
             self.ranged(mine, far, Yard.anchors[int(anchor)])
 
-    def ranged(self, mine, far, place, other=slice(0), uncertain=((0.0, 0.0), (0.0, 0.0))):
+    def ranged(self, mine, far, place, cov=(0.0, 0.0, 0.0, 0.0), other=slice(0)):
         apart, row = self.mean[mine] - place, np.zeros(len(self.mean))
         row[mine] = along = apart / np.hypot(*apart)
         row[other] = -along[: len(row[other])]
-        gain = self.cov @ row / (row @ self.cov @ row + along @ uncertain @ along + self.noise.range**2)
+        gain = self.cov @ row / (row @ self.cov @ row + along @ np.reshape(cov, (2, 2)) @ along + self.noise.range**2)
         self.mean, self.cov = self.mean + gain * (far - np.hypot(*apart)), self.cov - np.outer(gain, row @ self.cov)
 
 
@@ -76,10 +76,11 @@ class Central(Evaluation):
 
     def received(self, agent, frame):
         mine, other = self.parts[agent], self.parts[frame.source]
-        self.filter.ranged(mine, frame.measured[0], self.filter.mean[other], other)
+        self.filter.ranged(mine, frame.measured[0], self.filter.mean[other], other=other)
 
     def central_estimate(self, agent, quantity, index, time_ns):
-        return self.filter.mean[self.parts[agent]] if quantity == "place" else None
+        mine = self.parts[agent]
+        return {"place": self.filter.mean[mine], "place/covariance": self.filter.cov[mine, mine]}.get(quantity)
 
 
 class Robot(agent.Agent):
@@ -96,5 +97,4 @@ class Robot(agent.Agent):
             self.context.broadcast(payloads.encode([self.filter.mean, self.filter.cov.ravel()]))
 
     def on_frame(self, frame):
-        place, covariance = payloads.decode(frame.payload)
-        self.filter.ranged(slice(2), frame.measured[0], place, uncertain=covariance.reshape(2, 2))
+        self.filter.ranged(slice(2), frame.measured[0], *payloads.decode(frame.payload))

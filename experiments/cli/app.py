@@ -29,7 +29,7 @@ _SCENARIOS, _RUNS, _LIVE, _RESULTS = (
     Group.create_ordered(title) for title in ("Scenarios", "Runs", "Running swarms", "Results")
 )
 _COMMANDS: dict[str, tuple[Group, str, str, tuple[str, ...]]] = {
-    "list": (_SCENARIOS, "scenario_commands:list_scenarios", "List the built-in scenarios.", ()),
+    "list": (_SCENARIOS, "list_command:list_scenarios", "List the built-in scenarios.", ()),
     "show": (
         _SCENARIOS,
         "scenario_commands:show",
@@ -131,6 +131,7 @@ app = App(
     help=_HELP,
     default_parameter=Parameter(negative=(), show_default=_shown_default),
     suppress_keyboard_interrupt=False,
+    help_format="plaintext",
     exit_on_error=False,
     result_action="return_value",
 )

@@ -1,4 +1,4 @@
-"""Commands for scenarios: list, show, new, validate."""
+"""Commands for scenarios: show, new, validate."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 from rich.syntax import Syntax
-from rich.table import Table
 
 from ...errors import BadInput
 from ..scenario.library import find_source
 from ..scenario.load import (
-    builtin_scenarios,
     json_schema,
     load_scenario,
     new_scenario_text,
@@ -28,16 +26,6 @@ from .scenario_tables import validation_table
 Resolved = Annotated[bool, Parameter(help="With all defaults and overrides.")]
 NewName = Annotated[str, Parameter(help="Name of the scenario; writes NAME.yaml, and overwrites no file.")]
 AsSchema = Annotated[bool, Parameter(help="Print the JSON Schema of scenario files instead, for editors.")]
-
-
-def list_scenarios() -> None:
-    """List the built-in scenarios."""
-    table = Table(title="Scenarios", title_justify="left")
-    for column in ("name", "paper", "what it shows"):
-        table.add_column(column, no_wrap=column == "name")
-    for scenario in builtin_scenarios():
-        table.add_row(scenario.name, scenario.paper, scenario.description)
-    output().print(table)
 
 
 def show(scenario: ScenarioSource, /, *, resolved: Resolved = False, set_: Overrides = ()) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from ruamel.yaml import YAML
+from ruamel.yaml.events import ScalarEvent
+
 from ...errors import BadInput
 from ...names import LONGEST_FILE, check_length, did_you_mean
-from .yaml_document import parse
 
 _FOLDER = Path(__file__).parents[2] / "scenarios"
 _SUFFIXES = (".yaml", ".yml")
@@ -72,11 +74,19 @@ def _files() -> dict[str, Path]:
 
 def builtin_scenarios() -> list[BuiltIn]:
     """Name, paper and description of every built-in scenario, by name."""
-    found = []
-    for name, path in _files().items():
-        head = parse(path.read_text(encoding="utf-8"), path.name)
-        found.append(BuiltIn(name, str(head.get("paper", "")), " ".join(str(head.get("description", "")).split())))
-    return found
+    return [_builtin(path) for path in _files().values()]
+
+
+def _builtin(path: Path) -> BuiltIn:
+    """The texts at the head of a file; the rest is not parsed."""
+    head: dict[str, str] = {}
+    with path.open(encoding="utf-8") as file:
+        scalars = (event.value for event in YAML(typ="safe", pure=True).parse(file) if isinstance(event, ScalarEvent))
+        for key, value in zip(scalars, scalars, strict=False):
+            if key not in BuiltIn._fields:
+                break
+            head[key] = value
+    return BuiltIn(path.stem, head.get("paper", ""), " ".join(head.get("description", "").split()))
 
 
 def scenario_text(name: str) -> str:

@@ -19,7 +19,7 @@ from ...user_code import names_user_code
 from .compile import attempt
 from .edge_settings import edge_settings
 from .explaining import explain
-from .library import builtin_scenarios, find_source, new_scenario_text, scenario_text
+from .library import find_source, new_scenario_text, scenario_text
 from .python_values import plain
 from .schema import Scenario, json_schema, resolved_yaml
 from .settings_reading import validated
@@ -29,7 +29,6 @@ from .yaml_document import NOTHING, Document, Loc, Problem, read_document, read_
 __all__ = [
     "LoadedScenario",
     "Scenario",
-    "builtin_scenarios",
     "json_schema",
     "load_scenario",
     "new_scenario_text",

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from volery.experiments.scenario.load import builtin_scenarios, load_scenario, scenario_text
+from volery.experiments.scenario.library import builtin_scenarios
+from volery.experiments.scenario.load import load_scenario, scenario_text
 
 from .conftest import Volery
 

@@ -55,14 +55,22 @@ def test_examples_in_the_help_are_valid(volery: Volery, name: str) -> None:
         app.parse_args(shlex.split(line.partition(">")[0])[1:], exit_on_error=False, print_error=False)
 
 
-def test_help_loads_nothing_heavy() -> None:
-    """`volery --help` is quick: no library of the runs, their figures or their network is loaded for it."""
-    heavy = ["numpy", "scipy", "zenoh", "matplotlib", "duckdb", "pydantic", "networkx", "mcap", "ruamel"]
-    code = "import sys; from volery.experiments.cli.app import main; main(['--help']); print(*sys.modules)"
+@pytest.mark.parametrize(
+    ("word", "needed", "most"),
+    [
+        ("--help", {"volery.experiments.cli.app", "volery.experiments.cli.output"}, 260),
+        ("list", {"volery.experiments.cli.list_command", "volery.experiments.scenario.library"}, 280),
+    ],
+)
+def test_what_only_prints_loads_little(word: str, needed: set[str], most: int) -> None:
+    """`volery --help` and `volery list` are quick: no library of scenarios, runs or figures is loaded for them."""
+    heavy = ["numpy", "scipy", "zenoh", "matplotlib", "duckdb", "pydantic", "networkx", "mcap", "markdown_it"]
+    code = f"import sys; from volery.experiments.cli.app import main; main([{word!r}]); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = done.stdout.splitlines()[-1].split()
-    assert "cyclopts" in loaded
+    assert needed <= set(loaded)
     assert set(heavy).isdisjoint(loaded)
+    assert len(loaded) <= most
 
 
 @pytest.mark.parametrize(
