@@ -2,9 +2,15 @@
 
     python benchmarks/trials_journals.py              all built-in scenarios
     python benchmarks/trials_journals.py dfa4 mav3    some of them
+    python benchmarks/trials_journals.py --keep mav3  keep what they are now, after a change of arithmetic
 
 Digests are of the reports and frames of each incarnation of each agent, of each true quantity that a coupled world
-recorded, and of the central estimates and the truth of each reported quantity. journals.json is of commit 93240e7. Bits
+recorded, and of the central estimates and the truth of each reported quantity. journals.json is of commit 93240e7, but
+for changes of arithmetic since, which leave the frames as they were:
+
+- mav*: the filter of a formation keeps positions about the first vehicle, and updates P by W Wᵀ.
+
+Bits
 depend on NumPy, SciPy, BLAS and the kernels that BLAS chooses for the processor: the kept ones are of OpenBLAS's
 kernels for SkylakeX, which OPENBLAS_CORETYPE=SkylakeX chooses on any processor with AVX-512.
 """
@@ -66,20 +72,35 @@ def different(kept: dict[str, Any], found: dict[str, Any]) -> Iterator[str]:
     for part, before in kept.items():
         for name in sorted(before.keys() | found[part].keys()):
             if before.get(name) != found[part].get(name):
-                yield f"{part} of {name}"
+                what = _which(before[name], found[part][name]) if name in before and name in found[part] else ""
+                yield f"{part} of {name}{what}"
+
+
+def _which(before: Any, found: Any) -> str:
+    """Which of the digests of a journal differ."""
+    if not isinstance(before, list):
+        return ""
+    parts = zip(("reports", "frames"), before, found, strict=True)
+    return f" ({' and '.join(part for part, old, new in parts if old != new)})"
 
 
 def main(names: list[str]) -> int:
     """Compare; 1 where a journal differs."""
+    keep = "--keep" in names
+    names = [name for name in names if name != "--keep"]
     kept = json.loads(KEPT.read_text("utf-8"))
     if other := {blas.get("architecture") for blas in threadpool_info()} - {KEPT_KERNELS}:
         print(f"BLAS has kernels for {', '.join(map(str, other))} here: start with OPENBLAS_CORETYPE={KEPT_KERNELS}")
     failed = False
     for name in names or [scenario.name for scenario in builtin_scenarios()]:
-        differences = list(different(kept[name], digests(recorded(load_scenario(name).plan))))
+        found = digests(recorded(load_scenario(name).plan))
+        differences = list(different(kept[name], found))
+        kept[name] = found
         failed |= any(not text.startswith("references") for text in differences)
         print(f"{name}: {'; '.join(differences) or 'as kept'}", flush=True)
-    return int(failed)
+    if keep:
+        KEPT.write_text(json.dumps(kept, indent=1), "utf-8")
+    return int(failed and not keep)
 
 
 if __name__ == "__main__":

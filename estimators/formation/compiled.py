@@ -61,6 +61,11 @@ class CompiledBelief:
             check_positive(noise, "covariance of an observation")
             raise BadInput(f"covariance of a formation is not positive definite: {self._covariance.tolist()}")
 
+    def seen(self, rows: Rows) -> Array:
+        """H x̂, shape (k,)."""
+        values: Array = rows.whole @ self.state
+        return values
+
     def observed(self, rows: Rows) -> Array:
         """H P Hᵀ, symmetric, shape (k, k)."""
         covariance = rows.whole @ self._covariance @ rows.whole.T

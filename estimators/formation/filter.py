@@ -128,7 +128,7 @@ class FormationFilter:
     def pair(self, first: int, second: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Estimate of p_first − p_second and v_first − v_second, shape (6,) [m, m/s]; its covariance, (6, 6)."""
         seen = rows(self.model.vehicles, ((first, second),), True)
-        return seen.whole @ self.belief.state, self.belief.observed(seen)
+        return self.belief.seen(seen), self.belief.observed(seen)
 
     def predict(self, time_ns: int, forces: ArrayLike) -> None:
         """Predict to a later instant with forces that are constant until then.
@@ -172,9 +172,11 @@ class FormationFilter:
 class Belief(Protocol):
     """Interface of the forms of P, in split order; documented in `joseph`."""
 
-    state: NDArray[np.float64]
-
     def __init__(self, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None: ...
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """Estimate x̂."""
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -185,6 +187,9 @@ class Belief(Protocol):
 
     def update(self, rows: Rows, values: NDArray[np.float64], noise: NDArray[np.float64]) -> None:
         """Update with a measurement."""
+
+    def seen(self, rows: Rows) -> NDArray[np.float64]:
+        """H x̂."""
 
     def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ."""
@@ -220,13 +225,12 @@ def _stacked(
     if len(observations) == 1:
         only = observations[0]
         return rows(vehicles, only.pairs, only.velocities), only.values, only.covariance
-    parts = [rows(vehicles, each.pairs, each.velocities) for each in observations]
-    seen = Rows(np.concatenate([part.whole for part in parts]), np.concatenate([part.chains for part in parts], axis=1))
-    seen.whole.setflags(write=False)
-    noise = np.zeros((len(seen.whole), len(seen.whole)))
+    ends = np.concatenate([rows(vehicles, each.pairs, each.velocities).ends for each in observations], axis=1)
+    values = np.concatenate([each.values for each in observations])
+    noise = np.zeros((len(values), len(values)))
     at = 0
     for each in observations:
         size = len(each.values)
         noise[at : at + size, at : at + size] = each.covariance
         at += size
-    return seen, np.concatenate([each.values for each in observations]), noise
+    return Rows(vehicles, ends), values, noise

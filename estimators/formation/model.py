@@ -3,7 +3,8 @@
 Vehicles are numbered 0 … N−1, in the natural order of their names, and r_i = p_i − p_{i+1}, with i from 0 to N−2.
 Public functions use the paper's order x = [r_0, v_0, r_1, v_1, …], shape (6(N−1),) [m, m/s]. The filters internally use
 the *split* order, all positions before all velocities, [r_0, r_1, …, v_0, v_1, …]: the transition then acts on two
-halves, and a pair is a sum over adjacent rows.
+halves, and a pair is a sum over adjacent rows. The Joseph form keeps positions and velocities *about the first
+vehicle*, [p_0 − p_0, p_1 − p_0, …, v_0 − v_0, …], shape (6N,): any pair is then the difference of two rows.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,16 +47,42 @@ class Step:
         """G with G Gᵀ = Q, shape (6(N−1), 6N)."""
         return self.model.noise_root(self.duration_s)[self.model.split_order]
 
+    @cached_property
+    def input_about_first(self) -> NDArray[np.float64]:
+        """B about the first vehicle, shape (6N, 3N)."""
+        matrix: NDArray[np.float64] = about_first(self.model.vehicles) @ self.input_map
+        return matrix
 
-class Rows(NamedTuple):
-    """Measurement matrix H = E ⊗ I₃, in split order, read only.
+    @cached_property
+    def noise_about_first(self) -> NDArray[np.float64]:
+        """Q about the first vehicle, with a row and a column of zeros, shape (6N + 1, 6N + 1).
 
-    whole: H, shape (k, 6(N−1)).
-    chains: Eᵀ, shape (2(N−1), k/3), in Fortran order.
+        The variance of each is 2 W, the covariance of two W; the first is certain of itself.
+        """
+        position, cross, velocity = self.model.noise_of(self.duration_s)
+        shared = np.eye(self.model.vehicles) + 1.0
+        shared[0] = shared[:, 0] = 0.0
+        return np.pad(np.kron(np.kron([[position, cross], [cross, velocity]], shared), np.eye(3)), (0, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Measurement matrix H of pairs of vehicles, k rows.
+
+    vehicles: N.
+    ends: for each row the entries about the first vehicle of which it is the difference, shape (2, k), read only.
     """
 
-    whole: NDArray[np.float64]
-    chains: NDArray[np.float64]
+    vehicles: int
+    ends: NDArray[np.intp]
+
+    @cached_property
+    def whole(self) -> NDArray[np.float64]:
+        """H in split order, shape (k, 6(N−1)), read only."""
+        first, second = about_first(self.vehicles).take(self.ends, axis=0)
+        whole: NDArray[np.float64] = first - second
+        whole.setflags(write=False)
+        return whole
 
 
 @dataclass(frozen=True)
@@ -202,23 +229,28 @@ def check_pair(vehicles: int, pair: Pair) -> None:
 def rows(vehicles: int, pairs: tuple[Pair, ...], velocities: bool) -> Rows:
     """C, or H with velocities, of m pairs, k = 3m or 6m.
 
-    p_i − p_j = r_i + … + r_{j−1} for i < j, and its negative for i > j.
-
     Raises:
         BadInput: a pair of vehicles that do not exist, or of one with itself.
     """
-    told = 2 if velocities else 1
-    chains = np.zeros((len(pairs), told, 2, vehicles - 1))
-    for chain, (i, j) in zip(chains, pairs, strict=True):
-        check_pair(vehicles, (i, j))
-        for half in range(told):
-            chain[half, half, min(i, j) : max(i, j)] = 1.0 if i < j else -1.0
-    flat = chains.reshape(told * len(pairs), -1)
-    whole: NDArray[Any] = np.kron(flat, np.eye(3))
-    found = Rows(whole, flat.T)
-    for array in found:
-        array.setflags(write=False)
-    return found
+    for pair in pairs:
+        check_pair(vehicles, pair)
+    halves = 3 * vehicles * np.arange(2 if velocities else 1)
+    entries = 3 * np.array(pairs, dtype=np.intp).T[:, :, None, None] + halves[:, None] + np.arange(3)
+    ends: NDArray[np.intp] = entries.reshape(2, -1)
+    ends.setflags(write=False)
+    return Rows(vehicles, ends)
+
+
+@lru_cache(maxsize=64)
+def about_first(vehicles: int) -> NDArray[np.float64]:
+    """Map from the split order to positions and velocities about the first vehicle, shape (6N, 6(N−1)), read only.
+
+    p_i − p_0 = −(r_0 + … + r_{i−1})
+    """
+    sums = -np.tri(vehicles, vehicles - 1, -1)
+    matrix: NDArray[Any] = np.kron(np.eye(2), np.kron(sums, np.eye(3)))
+    matrix.setflags(write=False)
+    return matrix
 
 
 def _incidence(vehicles: int) -> NDArray[np.float64]:

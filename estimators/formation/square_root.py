@@ -73,6 +73,11 @@ class SquareRootBelief:
         self.state += after[count:, :count].dot(innovation)
         self._root = after[count:, count:]
 
+    def seen(self, rows: Rows) -> NDArray[np.float64]:
+        """H x̂, shape (k,)."""
+        values: NDArray[np.float64] = rows.whole @ self.state
+        return values
+
     def observed(self, rows: Rows) -> NDArray[np.float64]:
         """H P Hᵀ, symmetric, shape (k, k)."""
         seen = rows.whole @ self._root
