@@ -19,6 +19,7 @@ from ..quantities import covariance_name
 from ..randomness import Stream, stream
 from ..transport.events import FOREVER_NS
 from ..transport.media_settings import AIR
+from .call_checks import covariance as checked_covariance
 from .call_checks import finite_numbers, numbers, payload_bytes, plain, text, whole_number
 
 if TYPE_CHECKING:
@@ -257,15 +258,14 @@ class Context:
         The covariance is a quantity of its own, QUANTITY/covariance: its upper triangle by rows.
 
         Raises:
-            BadInput: the value is empty, or no real numbers; the covariance is no square matrix.
+            BadInput: the value is empty, or no real numbers; the covariance is not square and symmetric, or a
+                variance is below 0.
         """
         quantity, index = text(quantity, "report", "the quantity"), whole_number(index, "report", "index")
         flat: list[float] = numbers(value, "report", quantity).ravel().tolist()
         reports = [Report(quantity, index, flat)]
         if covariance is not None:
-            matrix = np.atleast_2d(numbers(covariance, "report", f"covariance of {quantity}"))
-            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-                raise BadInput(f"report: covariance of {quantity} has the shape {matrix.shape}: give a square matrix")
+            matrix = checked_covariance(covariance, "report", f"covariance of {quantity}")
             reports.append(Report(covariance_name(quantity), index, pack_symmetric(matrix).tolist()))
         self._state.effects += reports
 

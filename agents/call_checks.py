@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import BadInput
 
 _LARGEST = 2**63 - 1
+_ROUNDING = 1e-6
+"""What asymmetry and negative variances may come from rounding, relative to the largest entry of a covariance."""
 
 
 def whole_number(value: Any, call: str, what: str) -> int:
@@ -80,6 +82,20 @@ def finite_numbers(value: ArrayLike, call: str, what: str) -> NDArray[np.float64
     if not np.isfinite(array).all():
         raise BadInput(f"{call}: {what} is {shortened(array.tolist())}: every number must be finite")
     return array
+
+
+def covariance(value: ArrayLike, call: str, what: str) -> NDArray[np.float64]:
+    """A square matrix that is symmetric, with variances from 0 on, up to rounding."""
+    matrix = np.atleast_2d(numbers(value, call, what))
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise BadInput(f"{call}: {what} has the shape {matrix.shape}: give a square matrix")
+    with np.errstate(invalid="ignore"):  # infinite variances
+        allowed = _ROUNDING * np.abs(matrix).max()
+        if np.abs(matrix - matrix.T).max() > allowed:
+            raise BadInput(f"{call}: {what} is not symmetric: {shortened(matrix.tolist())}")
+        if matrix.diagonal().min() < -allowed:
+            raise BadInput(f"{call}: {what} has the variance {matrix.diagonal().min():g}: variances are 0 or above")
+    return matrix
 
 
 def plain(value: Any, call: str, what: str, *, binary: bool = False) -> Any:

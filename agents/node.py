@@ -16,7 +16,7 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RunFailed, VoleryError
+from ..errors import BadInput, RunFailed, VoleryError
 from ..transport.clock import Clock
 from ..transport.events import (
     DATA,
@@ -54,6 +54,8 @@ from .wires import pack_commands, unpack_samples
 
 _ACCESS_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "bucket"}
 _GRAPH = "graph"
+_MOST_RINGS = 20_000
+"""So many timers may ring at one instant, as after a pause; more of them are an agent that holds time up."""
 
 
 class Node:
@@ -97,6 +99,7 @@ class Node:
         self._waiting: list[tuple[Event, int, Callable[[Event], None]]] | None = None
         self._timers: dict[int, tuple[int, Timer]] = {}
         self._timer_count = 0
+        self._rung = (-1, 0)
         self._changes_ns: set[int] = set()
         self._put_on_wire = put
         ether = Ether()
@@ -172,6 +175,13 @@ class Node:
                 raise
             raise RunFailed(f"agent {self.state.name} failed in {name}: {described(error)}") from error
 
+    def _told_by_world(self, ask: Callable[..., Any], *arguments: Any) -> Any:
+        """What the world measures; an error in a user's world names the agent, too."""
+        try:
+            return ask(*arguments)
+        except BadInput as error:
+            raise RunFailed(f"agent {self.state.name}: {error}") from error
+
     def _carry_out(self) -> None:
         effects, self._told.effects = self._told.effects, []
         journal, now_ns = self.state.journal, self.state.now_ns
@@ -221,7 +231,7 @@ class Node:
 
     def _sense(self, event: Event) -> None:
         sensor, _, index = event[DATA]
-        value = measured(self.plan, self.faults.values(), self.state.name, sensor, index)
+        value = self._told_by_world(measured, self.plan, self.faults.values(), self.state.name, sensor, index)
         self._take_sample(Sample(sensor, index, event[TIME], value), self._told.event_ns)
 
     def _take_sample(self, sample: Sample, reading_ns: int) -> None:
@@ -243,6 +253,14 @@ class Node:
 
     def _ring(self, event: Event) -> None:
         timer: Timer = event[DATA]
+        now_ns, rung = self._rung
+        rung = rung + 1 if now_ns == self.state.now_ns else 1
+        self._rung = self.state.now_ns, rung
+        if rung > _MOST_RINGS:
+            remedy = "so that time does not pass: set timers later than context.now_ns"
+            raise RunFailed(
+                f"agent {self.state.name}: {_MOST_RINGS:,} timers have rung at {self.state.now_ns} ns, {remedy}"
+            )
         self._told.event_ns = timer.time_ns
         self.run_handler(self.agent.on_timer, timer)
 
@@ -264,7 +282,9 @@ class Node:
         if (world := frame_measuring(self.plan.world)) is None:
             return None
         name = frame.incarnation, frame.sequence, frame.copy
-        value = world.measure_frame(source, self.state.name, frame.start_ns, *name)
+        value: NDArray[np.float64] | None = self._told_by_world(
+            world.measure_frame, source, self.state.name, frame.start_ns, *name
+        )
         flat = None if value is None else value.tolist()
         self.state.journal.measured.append(Measured(time_ns, source, *name, flat))
         return value

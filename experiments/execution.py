@@ -186,15 +186,21 @@ def _set_on_signals(stop: threading.Event) -> Iterator[None]:
 
 def _in_a_loop(work: Coroutine[Any, Any, Ending]) -> Ending:
     """What `asyncio.run` gives; in a thread of its own where this one has a loop that runs, as in a notebook."""
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
+    if not _runs_in_a_loop():
         return asyncio.run(work)
     with ThreadPoolExecutor(1, "volery") as thread:
         running = thread.submit(asyncio.run, work)
         while not running.done():  # waiting without end, this thread would not notice a signal that another one took
             wait([running], _LOOK_EVERY_S)
         return running.result()
+
+
+def _runs_in_a_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 async def _run_swarm(

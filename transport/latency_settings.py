@@ -16,7 +16,7 @@ from typing import Annotated
 from ..errors import BadInput
 from ..kinds import Kinds
 from ..units import Bounds, Duration, Period
-from .link_models import Latency, LatencyModel
+from .link_models import Latency, LatencyModel, check_model_class
 from .traces import Steps
 
 Correlation = Annotated[float, Bounds(above=-1.0, below=1.0)]
@@ -325,4 +325,5 @@ LATENCIES = Kinds(
     scalar="constant",
     entry_points="volery.latencies",
     base=LatencyModel,
+    check=check_model_class,
 )

@@ -27,7 +27,7 @@ from .latency_settings import (
     Pareto,
     Uniform,
 )
-from .link_models import Latency, LatencyModel, SentFrame, naming, own_name
+from .link_models import Latency, LatencyModel, SentFrame, begun, own_name
 
 _BELOW_ONE = math.nextafter(1.0, 0.0)
 _ROOT_HALF = math.sqrt(0.5)
@@ -55,12 +55,10 @@ def latency_stage(model: Latency, link: DirectedLink) -> LatencyStage:
 def _own_stage(model: LatencyModel, link: DirectedLink) -> LatencyStage:
     """A model of a user's own, held to its minimum, on which other agents' promises rest."""
     name, own, minimum = own_name(model, link), link.within("own"), model.minimum_ns
-    with naming(name):
-        latency_ns = model.begin(own)
+    latency_ns = begun(model, own, name)
 
     def checked(index: int, start_ns: int, bits: int, _end_ns: int) -> int:
-        with naming(name):
-            found = float(latency_ns(SentFrame(own, index, start_ns, bits)))
+        found = latency_ns(SentFrame(own, index, start_ns, bits), "latency")
         if not minimum <= found < math.inf:
             raise RunFailed(f"{name}: the latency of frame {index} is {found:.15g} ns, and minimum_ns is {minimum} ns")
         return int(found)

@@ -11,9 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from inspect import get_annotations
 from math import isnan, nan
+from numbers import Real
 from typing import NamedTuple
 
+import numpy as np
+
 from ..errors import BadInput, RunFailed, VoleryError
+from ..overrides import check_overrides
 from ..user_code import described
 from .directed_link import DirectedLink
 
@@ -217,5 +221,43 @@ def naming(name: str, kind: type[VoleryError] = RunFailed) -> Iterator[None]:
     """Let errors of a user's code name the model."""
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise kind(f"{name}: {described(error)}") from error
+
+
+def begun(model: OwnModel, link: DirectedLink, name: str) -> Callable[[SentFrame, str], float]:
+    """The function of a model on one link, which is called with each frame and what it says of it.
+
+    Raises:
+        RunFailed: here or at a call, it fails, or returns no number.
+    """
+    with naming(name):
+        function = model.begin(link)
+    if not callable(function):
+        raise RunFailed(f"{name}: begin returned {function!r}: return the function that is called with each frame")
+    return lambda frame, what: answer(function, frame, name, what)
+
+
+def answer(function: Callable[[SentFrame], float], frame: SentFrame, name: str, what: str) -> float:
+    """What a function of a user's says of a frame.
+
+    Raises:
+        RunFailed: it fails, or returns no number.
+    """
+    with naming(name):
+        found = function(frame)
+    if isinstance(found, bool | np.bool_ | Real):
+        return float(found)
+    raise RunFailed(f"{name}: the {what} of frame {frame.index} is {found!r}, and no number")
+
+
+def check_model_class(kind: type[OwnModel], what: str) -> None:
+    """Check a class of a user's.
+
+    Raises:
+        BadInput: methods that are called with other arguments, or fields that are none.
+    """
+    for base in (OwnModel, LossModel if issubclass(kind, LossModel) else LatencyModel):
+        check_overrides(kind, base, what)
+    if get_annotations(kind) and "__dataclass_params__" not in vars(kind):
+        raise BadInput(f"{what} has fields and is no dataclass: write @dataclass(frozen=True) above it")

@@ -26,7 +26,7 @@ from ..units import (
     Probability,
     check_fields_above_zero,
 )
-from .link_models import Loss, LossModel, Memory
+from .link_models import Loss, LossModel, Memory, check_model_class
 from .traces import Steps
 
 SHORTEST_MEAN_NS = 100_000
@@ -351,6 +351,7 @@ LOSSES = Kinds(
     scalar="bernoulli",
     entry_points="volery.losses",
     base=LossModel,
+    check=check_model_class,
 )
 Losses = Annotated[tuple[Annotated[Loss, LOSSES], ...], OneOrMany(none="none")]
 """Loss models of a link, any of which may lose a frame."""

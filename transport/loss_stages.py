@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from ..errors import RunFailed
 from .directed_link import DirectedLink
-from .link_models import Loss, LossModel, SentFrame, naming, own_name
+from .link_models import Loss, LossModel, SentFrame, answer, begun, own_name
 from .loss_settings import (
     Bernoulli,
     BitError,
@@ -21,6 +21,8 @@ from .loss_settings import (
     Markov,
 )
 from .sojourns import Sojourns
+
+_PROBABILITY = "probability"
 
 
 class LossStage(Protocol):
@@ -216,22 +218,20 @@ class _OwnStage:
         self._draws = link.stream("loss")
         self._link = link.within("own")
         self._name = own_name(model, link)
-        with naming(self._name):
-            self._probability = model.begin(self._link)
+        self._probability = begun(model, self._link, self._name)
 
     def lost(self, index: int, start_ns: int, bits: int) -> bool:
         frame = SentFrame(self._link, index, start_ns, bits)
-        return self._draws.uniform(index) < self._checked(self._probability, frame)
+        return self._draws.uniform(index) < self._checked(self._probability(frame, _PROBABILITY), frame)
 
     def expected(self, index: int, start_ns: int, bits: int) -> float:
         """The model's long-run mean, else what it says of this frame alone; NaN where it has a state and no mean."""
         if self._model.keeps_state or not isnan(self._model.mean):
             return nan if isnan(self._model.memory.per_frame) else self._model.mean
-        return self._checked(self._model.probability, SentFrame(self._link, index, start_ns, bits))
+        frame = SentFrame(self._link, index, start_ns, bits)
+        return self._checked(answer(self._model.probability, frame, self._name, _PROBABILITY), frame)
 
-    def _checked(self, probability: Callable[[SentFrame], float], frame: SentFrame) -> float:
-        with naming(self._name):
-            found = float(probability(frame))
+    def _checked(self, found: float, frame: SentFrame) -> float:
         if not 0.0 <= found <= 1.0:
             raise RunFailed(f"{self._name}: the probability of frame {frame.index} is {found:g}, and not from 0 to 1")
         return found

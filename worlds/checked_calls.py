@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import BadInput
 from ..quantities import Floats
+from ..user_code import described, user_frames
 
 _SHOWN = 60
 
@@ -22,12 +23,12 @@ class CheckedCalls:
         """What a method returns.
 
         Raises:
-            BadInput: it raised something.
+            BadInput: it raised something; the message has the lines of the user's code.
         """
         try:
             return getattr(owner, method)(*arguments)
         except (Exception, SystemExit) as error:
-            reason = str(error) if isinstance(error, BadInput) else f"{type(error).__name__}: {error}"
+            reason = described(error) if user_frames(error) else f"{type(error).__name__}: {error}"
             raise BadInput(f"{self._what}: {called(method, *arguments)} failed: {reason}") from error
 
     def vector(self, owner: Any, method: str, *arguments: Any, may_have_rows: bool = False) -> Floats | None:

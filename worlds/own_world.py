@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import BadInput
 from ..kinds import OwnKind
-from ..quantities import Floats, Quantity
+from ..quantities import Floats, Quantity, check_quantities
 from ..randomness import stream
 from ..topologies import Position, natural_key
 from ..units import SampleTimes, sample_ns
@@ -92,11 +92,16 @@ class _OwnWorld:
         return tuple(sorted(self._world.agents, key=natural_key))
 
     def check(self) -> None:
-        """Check the sensors of all agents.
+        """Check the quantities, and the sensors of all agents.
 
         Raises:
             BadInput: they make no sense.
         """
+        quantities = self._world.quantities
+        try:
+            check_quantities(quantities)
+        except BadInput as error:
+            raise BadInput(f"world {self.kind}: {error}") from error
         for agent in self.agents:
             self.sensors(agent)
 
@@ -127,6 +132,16 @@ class OwnWorld(_OwnWorld):
     def measures_frames(self) -> bool:
         """Whether agents measure something from the frames that they receive."""
         return type(self._world).measure_frame is not World.measure_frame
+
+    def check(self) -> None:
+        """Check quantities and sensors, and where agents are at the start.
+
+        Raises:
+            BadInput: one of them makes no sense.
+        """
+        super().check()
+        for agent in self.agents if self.moves else ():
+            self.position(agent, 0)
 
     def measure(self, agent: str, sensor: str, index: int) -> Floats | None:
         """A sensor's index-th sample, (k,) or (n, k); None where it sees nothing, or where there are not so many.

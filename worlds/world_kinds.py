@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Protocol
 from ..errors import BadInput
 from ..kinds import Kinds
 from ..names import did_you_mean
+from ..overrides import check_overrides
 from ..topologies import Position
 from .world import World
 
@@ -30,6 +31,10 @@ class WorldSettings(Protocol):
         """
 
 
+def _check_class(kind: type[World], what: str) -> None:
+    check_overrides(kind, World, what)
+
+
 WORLDS = Kinds(
     "world kind",
     {
@@ -44,6 +49,7 @@ WORLDS = Kinds(
     tag="kind",
     entry_points="volery.worlds",
     base=World,
+    check=_check_class,
     own="volery.worlds.own_world:OwnWorldSettings",
 )
 AnyWorld = Annotated[WorldSettings, WORLDS]

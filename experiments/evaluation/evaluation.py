@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from ...agents.agent import Received, Sample
 from ...agents.plan import Plan
 from ...agents.registry import find
+from ...errors import BadInput
 from ...estimators.error_measures import disagreement
 from ...estimators.information import unpack_covariance
 from ...names import imported_class, subclass
 from ...overrides import check_overrides
-from ...quantities import Floats, Quantity, declared
+from ...quantities import Floats, Quantity, check_quantities, declared
 from ...transport.faults import Fault
 from ...worlds.own_world import OwnWorld
 
@@ -209,25 +210,39 @@ def evaluation_class(kind: str) -> type[Evaluation]:
     """The evaluation class that a kind of agents names.
 
     Raises:
-        BadInput: no such kind, module or class, not a subclass of Evaluation, or methods that take other arguments.
+        BadInput: no such kind, module or class, not a subclass of Evaluation, methods that take other arguments, or
+            quantities that are none.
     """
     named, what = find(kind).evaluation, f"evaluation of agent kind {kind!r}"
     found = imported_class(named, Evaluation, what) if isinstance(named, str) else subclass(named, Evaluation, what)
     check_overrides(found, Evaluation, what)
+    if not isinstance(found.quantities, property):
+        _check_quantities(found.quantities, what)
     return found
+
+
+def _check_quantities(quantities: Any, what: str) -> None:
+    try:
+        check_quantities(quantities)
+    except BadInput as error:
+        raise BadInput(f"{what}: {error}") from error
 
 
 def evaluations(plan: Plan, world_reports: Mapping[str, Series]) -> dict[str, Evaluation]:
     """Agent → the evaluation of its kind, one object a class.
 
     Raises:
-        BadInput: as `evaluation_class`.
+        BadInput: as `evaluation_class`, or an object that does not call its base class.
     """
     made: dict[type[Evaluation], Evaluation] = {}
     found = {}
     for agent in plan.agents:
         judge = evaluation_class(agent.kind)
         if judge not in made:
-            made[judge] = judge(plan, world_reports)
+            made[judge] = new = judge(plan, world_reports)
+            what = f"evaluation {judge.__name__}"
+            if not (hasattr(new, "plan") and hasattr(new, "world_reports")):
+                raise BadInput(f"{what}: __init__ must call super().__init__(plan, world_reports)")
+            _check_quantities(new.quantities, what)
         found[agent.name] = made[judge]
     return found

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...agents.agent import Received, Sample
+from ...agents.call_checks import covariance, numbers
 from ...errors import BadInput
 from ...estimators.information import pack_symmetric
 from ...quantities import Component, Floats, Quantity, subtracted
@@ -139,17 +140,17 @@ def _ask(known: _References, row: int, report: tuple[str, str, int, int], has_tr
         ("central estimate", known.central, judge.central_estimate(*report)),
     ):
         if value is not None:
-            references[row] = _fitting(value, references.shape[1], f"{what} of {quantity!r} of agent {agent}")
+            references[row] = _fitting(value, references.shape[1], f"agent {agent}", f"the {what} of {quantity!r}")
 
 
-def _fitting(value: ArrayLike, width: int, what: str) -> Floats:
+def _fitting(value: ArrayLike, width: int, agent: str, what: str) -> Floats:
     """A value as agents report it: flat; of a covariance perhaps the upper triangle."""
-    array = np.asarray(value, dtype=np.float64)
+    array = numbers(value, agent, what)
     flat = array.ravel()
     if len(flat) != width and array.ndim == 2 and array.shape[0] == array.shape[1]:
-        flat = pack_symmetric(array)
+        flat = pack_symmetric(covariance(array, agent, what))
     if len(flat) != width:
-        raise BadInput(f"{what} has {len(flat)} components, the agents report {width}")
+        raise BadInput(f"{agent}: {what} has {len(flat)} components, the agents report {width}")
     return flat
 
 
@@ -166,7 +167,7 @@ def _judged(record: Record, quantity: Quantity, reports: Reports, known: _Known)
     first, plain = next(iter(series)), quantity.difference is subtracted
 
     def differences(references: Mapping[str, Floats]) -> dict[str, Floats]:
-        return {agent: quantity.difference(mine.value, references[agent]) for agent, mine in series.items()}
+        return {agent: _difference(quantity, mine.value, references[agent]) for agent, mine in series.items()}
 
     of_truth = differences(truth)
     width, difference_width = series[first].value.shape[1], of_truth[first].shape[1]
@@ -188,6 +189,15 @@ def _judged(record: Record, quantity: Quantity, reports: Reports, known: _Known)
     )
 
 
+def _difference(quantity: Quantity, estimate: Floats, reference: Floats) -> Floats:
+    """That of all rows, by the quantity's own function."""
+    found = quantity.difference(estimate, reference)
+    if np.ndim(found) != 2 or len(found) != len(estimate):
+        shape, given = np.shape(found), estimate.shape
+        raise BadInput(f"{quantity.name!r}: its difference of arrays {given} has the shape {shape}, and must be (…, m)")
+    return found
+
+
 _Rows = dict[str, Floats]
 
 
@@ -200,18 +210,19 @@ def _normalised(
     central: _Rows = {}
     if quantity.role == "diagnostic":
         return deviation, squares, central
-    for agent, covariance in reports.get(quantity.covariance_quantity, {}).items():
+    for agent, stated_covariance in reports.get(quantity.covariance_quantity, {}).items():
         if (mine := reports[quantity.name].get(agent)) is None:
             continue
         error = mine.value if quantity.role == "innovation" else of_truth[agent]
         references = known[quantity.name][agent]
-        stated = covariance._replace(value=known[quantity.covariance_quantity][agent].central)
+        oracle_covariance = stated_covariance._replace(value=known[quantity.covariance_quantity][agent].central)
         try:
-            deviation[agent] = standard_deviations(mine, covariance, error.shape[1])
+            deviation[agent] = standard_deviations(mine, stated_covariance, error.shape[1])
         except BadInput as wrong:
             raise BadInput(f"{quantity.name!r} of agent {agent}: {wrong}") from wrong
-        squares[agent] = normalised_squares(mine, error, covariance)
-        central[agent] = normalised_squares(mine, quantity.difference(references.central, references.truth), stated)
+        squares[agent] = normalised_squares(mine, error, stated_covariance)
+        central_error = _difference(quantity, references.central, references.truth)
+        central[agent] = normalised_squares(mine, central_error, oracle_covariance)
     return deviation, squares, central
 
 

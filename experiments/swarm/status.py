@@ -55,7 +55,16 @@ class Status:
         return self._fates.so_far(Record(self._plan, {}, self._events), self.time_ns)
 
     def disagreement(self) -> float | None:
-        """Disagreement of living agents' newest estimates, of the first shared quantity that two of them report."""
+        """Disagreement of living agents' newest estimates, of the first shared quantity that two of them report.
+
+        None where a user's evaluation class fails: the evaluation at the end of the run says how.
+        """
+        try:
+            return self._disagreement()
+        except Exception:  # noqa: BLE001 - a display must not end the run
+            return None
+
+    def _disagreement(self) -> float | None:
         for quantity, reported in self._newest.items():
             living = [agent for agent in self._plan.agents if agent.name in self.alive and agent.name in reported]
             values = [reported[agent.name].value for agent in living]

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ import msgpack
 from ...agents.journal import Batch
 from ...agents.plan import Plan
 from ...agents.process import Pace
+from ...names import first_of
+from ...topologies import natural_key
 from ...transport import zenoh_session as zs
 from ...transport.keys import Keys
 from ...transport.zenoh_access_control import access_control
@@ -33,6 +36,7 @@ _HEAD_START_S = 0.4
 _STOP_AHEAD_S = 0.1
 _HEAD_START_PER_AGENT_S = 0.005
 _OVERDUE_S = 20.0
+_NAMED = 6
 _TELEMETRY_LIMIT = 1_000_000
 
 
@@ -48,6 +52,22 @@ class Ending:
     problems: tuple[str, ...]
     wall_s: float
     sources: Mapping[str, str] = field(default_factory=dict)
+
+
+def told_once(problems: Iterable[str]) -> tuple[str, ...]:
+    """Problems in their order, one sentence for what several agents say of themselves in the same words."""
+    agents_of: dict[str, list[str]] = {}
+    for problem in problems:
+        match = re.fullmatch(r"agent (\w+)((?: failed|:).*)", problem, re.DOTALL)
+        agents_of.setdefault(match[2] if match else problem, []).extend([match[1]] if match else [])
+    return tuple(_of_agents(agents) + words for words, agents in agents_of.items())
+
+
+def _of_agents(names: Sequence[str]) -> str:
+    """The agents at the start of a sentence; nothing where it names none."""
+    if not names:
+        return ""
+    return f"{'agent' if len(names) == 1 else 'agents'} {first_of(sorted(names, key=natural_key), _NAMED)}"
 
 
 class Swarm(Fleet):
@@ -105,7 +125,7 @@ class Swarm(Fleet):
             await asyncio.gather(*self.tasks, return_exceptions=True)
             await self._end_processes(stopped=stopped)
             await asyncio.to_thread(self.session.close)
-        return Ending(tuple(self.problems), wall_ns / 1e9, self.loaded_sources)
+        return Ending(told_once(self.problems), wall_ns / 1e9, self.loaded_sources)
 
     # -- start and stop -----------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from types import FunctionType
 from typing import Any, ClassVar, get_origin
 
@@ -29,7 +30,7 @@ def check_overrides(kind: type[Any], base: type[Any], what: str) -> None:
     """
     for name, original in vars(base).items():
         own = inspect.getattr_static(kind, name)
-        if own is not original and isinstance(original, FunctionType | classmethod) and _is_called(name):
+        if own is not original and isinstance(original, FunctionType | classmethod) and _is_called(base, name):
             _check_method(kind, name, original, own, what)
     for name in dir(kind):
         if name.startswith("on_") and not hasattr(base, name):
@@ -47,8 +48,9 @@ def check_nothing_is_shared(kind: type[Any], base: type[Any], what: str) -> None
         raise BadInput(f"{what}: {problem}")
 
 
-def _is_called(name: str) -> bool:
-    return name == "__init__" or not name.startswith("_")
+def _is_called(base: type[Any], name: str) -> bool:
+    """Whether volery calls a method with the arguments of the base class; a dataclass has an `__init__` of its own."""
+    return not name.startswith("_") or (name == "__init__" and not is_dataclass(base))
 
 
 def _check_method(kind: type[Any], name: str, original: Any, own: Any, what: str) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .errors import BadInput
 
 Floats = NDArray[np.float64]
 Role = Literal["estimate", "innovation", "diagnostic"]
@@ -63,6 +65,21 @@ class Quantity:
     difference_components: Sequence[Component] | None = None
     covariance: str | None = None
 
+    def __post_init__(self) -> None:
+        """Check what is declared.
+
+        Raises:
+            BadInput: no such role, or components that are none.
+        """
+        if self.role not in get_args(Role):
+            roles = ", ".join(get_args(Role))
+            raise BadInput(f"quantity {self.name!r}: role is {self.role!r}: it must be one of {roles}")
+        for component in (*self.components, *(self.difference_components or ())):
+            if not isinstance(component, Component):
+                raise BadInput(
+                    f"quantity {self.name!r}: {component!r} is no component: write Component({component!r}, unit)"
+                )
+
     @property
     def is_place(self) -> bool:
         """Whether its first two components are x and y in metres: where something is, to be drawn in plan view."""
@@ -72,6 +89,19 @@ class Quantity:
     def covariance_quantity(self) -> str:
         """The name under which its covariance is reported, if it is."""
         return self.covariance or covariance_name(self.name)
+
+
+def check_quantities(quantities: Any) -> None:
+    """Check what a class declares.
+
+    Raises:
+        BadInput: no list of quantities, or two of one name.
+    """
+    if not isinstance(quantities, Sequence) or not all(isinstance(one, Quantity) for one in quantities):
+        raise BadInput(f"quantities is {quantities!r}: write a list, as in quantities = [Quantity(…)]")
+    names = [one.name for one in quantities]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise BadInput(f"quantities has {twice!r} twice: declare it once")
 
 
 def declared(name: str, quantities: Sequence[Quantity]) -> Quantity:

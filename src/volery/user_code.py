@@ -37,7 +37,7 @@ def user_frames(error: BaseException) -> list[traceback.FrameSummary]:
 
 def _is_of_user(file: str) -> bool:
     """Whether code of this name, which need be no file, is a user's."""
-    return not file.startswith("<frozen ") and is_users(file)
+    return not file.startswith("<frozen ") and not file.endswith(".pyx") and is_users(file)
 
 
 def described(error: BaseException) -> str:

@@ -70,6 +70,11 @@ WRONG: list[tuple[Callable[[Context], object], str]] = [
     (lambda c: c.report("x", endless()), r"report: x is \[\[1.0, 2.0\], \[3.0\]\], whose rows differ in length"),
     (lambda c: c.report("x", []), "report: x has no number in it"),
     (lambda c: c.report("x", [1.0, 2.0], covariance=[1.0, 2.0]), r"covariance of x has the shape \(1, 2\)"),
+    (lambda c: c.report("x", 1.0, covariance=-1.0), "covariance of x has the variance -1: variances are 0 or above"),
+    (
+        lambda c: c.report("x", [1.0, 2.0], covariance=[[2.0, 1.0], [0.0, 2.0]]),
+        r"covariance of x is not symmetric: \[\[2.0, 1.0\], \[0.0, 2.0\]\]",
+    ),
     (lambda c: c.note("x", f=Pair()), "note: f is .*Pair.*, of type Pair: give numbers, texts, or lists"),
     (lambda c: c.note("x", f=[1, {2}]), r"note: f\[1\] is \{2\}, of type set"),
     (lambda c: c.note("x", f={1: 2}), "note: a key of f is 1, of type int, and not a text"),
@@ -117,6 +122,13 @@ def test_numbers_of_numpy_are_numbers(context: Context, state: ContextState) -> 
     assert type(sent.payload) is bytes
     assert msgpack.packb(note.facts)
     assert json.dumps(note.facts)
+
+
+@pytest.mark.parametrize("odd", [[[1.0, 1e-9], [0.0, -1e-9]], [[np.inf, np.nan], [np.nan, np.inf]]])
+def test_a_covariance_may_be_rounded_and_may_diverge(context: Context, state: ContextState, odd: list[Any]) -> None:
+    """A filter that has diverged is to be seen in the record, and does not end the run."""
+    context.report("x", [1.0, 2.0], covariance=odd)
+    assert len(state.effects) == 2
 
 
 def test_a_reported_array_may_be_changed_afterwards(context: Context, state: ContextState) -> None:

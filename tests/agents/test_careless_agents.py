@@ -326,6 +326,24 @@ def test_an_error_names_agent_method_and_the_lines_of_the_user(
     assert all(Path(__file__).name in line for line in files)
 
 
+class Impatient(Agent):
+    """Sets each timer to the instant of the one before."""
+
+    def start(self) -> None:
+        """The first is due at 20 ms."""
+        self.context.set_timer(20_000_000)
+
+    def on_timer(self, timer: Timer) -> None:
+        """Time does not pass."""
+        self.context.set_timer(timer.time_ns)
+
+
+def test_an_agent_that_lets_no_time_pass_ends_the_run(plan_of_two: Callable[[type[Agent]], Plan]) -> None:
+    """Else its run would never end, and fill the memory."""
+    with pytest.raises(RunFailed, match=r"^agent 1: 20,000 timers have rung at 20000000 ns, .* later than context"):
+        recorded(plan_of_two(Impatient))
+
+
 def test_a_class_must_call_its_base(plan_of_two: Callable[[type[Agent]], Plan]) -> None:
     """Else its context would be missing at the first call."""
     with pytest.raises(RunFailed, match=r"agent 1 failed: Orphan.__init__ must call super\(\)"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -13,7 +15,7 @@ from volery.transport.directed_link import DirectedLink
 from volery.transport.latency_settings import Constant
 from volery.transport.link_models import LatencyModel, Loss, LossModel, Memory, SentFrame
 from volery.transport.links import CORRUPT, DELIVERED, LOST, LinkSettings
-from volery.transport.loss_settings import Bernoulli
+from volery.transport.loss_settings import LOSSES, Bernoulli
 from volery.transport.loss_stages import loss_stage
 from volery.transport.propagation import Propagation
 from volery.units import Probability
@@ -149,6 +151,71 @@ def test_what_is_no_probability_is_an_error(model: Loss, message: str) -> None:
     with pytest.raises(RunFailed, match=r"^loss model ") as refusal:
         verdicts(way(LinkSettings(loss=(model,))), 5)
     assert message in str(refusal.value)
+
+
+@dataclass(frozen=True)
+class Silent(LossModel):
+    """Forgets to return what it says."""
+
+    leaves: bool = False
+
+    def probability(self, frame: SentFrame) -> float:  # type: ignore[return]
+        """Nothing."""
+        if self.leaves:
+            sys.exit(3)
+
+
+@dataclass(frozen=True)
+class Unready(LatencyModel):
+    """Forgets to return its function."""
+
+    minimum_ns = 0
+
+    def begin(self, link: DirectedLink) -> Callable[[SentFrame], float]:  # type: ignore[empty-body]
+        """Nothing."""
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (LinkSettings(loss=(Silent(),)), "Silent on link 1>2: the probability of frame 0 is None, and no number$"),
+        (LinkSettings(loss=(Silent(leaves=True),)), "(?s)Silent on link 1>2: SystemExit: 3\n.*test_link_models.py"),
+        (LinkSettings(latency=Unready()), "Unready on link 1>2: begin returned None: return the function that is"),
+    ],
+)
+def test_a_model_that_says_nothing_is_an_error(settings: LinkSettings, message: str) -> None:
+    """In one sentence, without volery's own lines."""
+    with pytest.raises(RunFailed, match=message) as raised:
+        verdicts(way(settings), 2)
+    assert "link_models.py" not in str(raised.value).replace("test_link_models.py", "")
+
+
+class Plain(LossModel):
+    """Has a field, and no decorator."""
+
+    reach_m: float
+
+
+@dataclass(frozen=True)
+class Blind(LossModel):
+    """Does not take the frame."""
+
+    def probability(self) -> float:  # type: ignore[override]
+        """Never called."""
+        return 0.0
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (Plain, "has fields and is no dataclass: write @dataclass(frozen=True) above it"),
+        (Blind, "probability takes other arguments than (self, frame)"),
+    ],
+)
+def test_a_class_that_cannot_work_is_refused(model: type[LossModel], message: str) -> None:
+    """Where a scenario names it."""
+    with pytest.raises(BadInput, match=f"^loss model .*:{model.__name__}':? {re.escape(message)}"):
+        LOSSES.find(f"{__name__}:{model.__name__}")
 
 
 @pytest.mark.parametrize("beyond_ns", [-1.0, math.nan, math.inf])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -13,13 +15,14 @@ import pytest
 
 from volery.agents.agent import Agent, Received, Sample
 from volery.agents.plan_codec import Opaque, decode_plan, encode_plan
-from volery.errors import BadInput
+from volery.errors import BadInput, RunFailed, VoleryError
 from volery.experiments.evaluation.evaluation import Evaluation
 from volery.experiments.record.evaluation_pass import evaluated
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import LoadedScenario, load_scenario
 from volery.experiments.scenario.schema import json_schema, resolved_yaml
 from volery.experiments.twin import recorded
+from volery.quantities import Quantity
 from volery.randomness import Stream
 from volery.units import Hertz, Metres
 from volery.worlds.own_world import OwnWorld, OwnWorldSettings
@@ -369,8 +372,65 @@ def test_what_a_world_returns_is_checked_at_the_call(
     """With world, method and arguments named."""
     monkeypatch.setattr(Odd, "method", method)
     monkeypatch.setattr(Odd, "returned", staticmethod(returned) if callable(returned) else returned)
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(VoleryError, match=message):
         evaluated(recorded(loaded(world={"kind": f"{__name__}:Odd"}).plan))
+
+
+def test_an_error_in_a_world_comes_with_the_lines_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And, in a run, with the agent whose sensor it is."""
+    monkeypatch.setattr(Odd, "method", "measure")
+    monkeypatch.setattr(Odd, "returned", staticmethod(_raise(KeyError("lamp"))))
+    plan = loaded(world={"kind": f"{__name__}:Odd"}).plan
+    with pytest.raises(RunFailed) as raised:
+        recorded(plan)
+    sentence, *frames = str(raised.value).splitlines()
+    assert re.fullmatch(
+        r"agent 1: world .*:Odd: measure\('1', 'others', 3, 300000000\) failed: KeyError: 'lamp'", sentence
+    )
+    files = [line for line in frames if line.startswith('  File "')]
+    assert files
+    assert all(Path(__file__).name in line for line in files)
+
+
+def test_where_agents_are_is_checked_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though nothing is measured there yet."""
+    monkeypatch.setattr(Odd, "method", "position")
+    monkeypatch.setattr(Odd, "returned", 3.0)
+    with pytest.raises(BadInput, match=r"world .*:Odd: position\('1', 0\) returned 1 numbers"):
+        loaded(world={"kind": f"{__name__}:Odd"})
+
+
+class Unnamed(Street):
+    """Declares quantities by their names alone."""
+
+    quantities = ("place",)  # type: ignore[assignment]
+
+
+class Twice(Street):
+    """Declares a quantity twice."""
+
+    quantities = 2 * (Quantity("place"),)
+
+
+class Later(Street):
+    """Takes its samples without their index."""
+
+    def measure(self, agent: str, sensor: str, time_ns: int) -> Any:  # type: ignore[override]
+        """Never called."""
+
+
+@pytest.mark.parametrize(
+    ("world", "message"),
+    [
+        (Unnamed, r"world .*:Unnamed: quantities is \('place',\): write a list, as in quantities = \[Quantity"),
+        (Twice, "world .*:Twice: quantities has 'place' twice: declare it once"),
+        (Later, r"world kind .*:Later': measure takes other arguments than \(self, agent, sensor, index, time_ns\)"),
+    ],
+)
+def test_a_world_that_cannot_work_is_refused(world: type[World], message: str) -> None:
+    """Before anything runs."""
+    with pytest.raises(BadInput, match=message):
+        loaded(world={"kind": f"{__name__}:{world.__name__}"})
 
 
 class Moody(Street):

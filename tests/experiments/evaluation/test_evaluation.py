@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -318,6 +318,18 @@ class OfFormer(Agent):
     evaluation = Former
 
 
+class Stranger(Evaluation):
+    """Declares a single quantity."""
+
+    quantities = Quantity("count")  # type: ignore[assignment]
+
+
+class OfStranger(Agent):
+    """Names that."""
+
+    evaluation = Stranger
+
+
 class Nowhere(Agent):
     """Names a class that is not there."""
 
@@ -329,10 +341,74 @@ class Nowhere(Agent):
     [
         (Misjudged, "not a subclass of .*Evaluation"),
         (Nowhere, "cannot be loaded: .*Evaluator"),
+        (OfStranger, r"quantities is Quantity\(.*\): write a list, as in quantities = \[Quantity\(…\)\]"),
         (OfFormer, r"truth takes other arguments than \(self, agent, quantity, index, time_ns\)"),
     ],
 )
 def test_a_class_that_is_no_evaluation_is_refused(kind: type[Agent], reason: str) -> None:
     """The message names the kind."""
-    with pytest.raises(BadInput, match=rf"evaluation of agent kind .*{kind.__name__}.* {reason}"):
+    with pytest.raises(BadInput, match=rf"evaluation of agent kind .*{kind.__name__}.*?:? {reason}"):
         evaluation_class(f"{kind.__module__}:{kind.__qualname__}")
+
+
+class Careless(Evaluation):
+    """Answers as a test asks."""
+
+    answers: ClassVar[Mapping[str, Any]] = {}
+    calls_base: ClassVar[bool] = True
+
+    def __init__(self, *given: Any) -> None:
+        if self.calls_base:
+            super().__init__(*given)
+
+    def central_estimate(self, agent: str, quantity: str, index: int, time_ns: int) -> Any:
+        """Of the counts of 1 alone."""
+        return self.answers.get(quantity) if agent == "1" else None
+
+
+class Surveyor(Agent):
+    """Reports a count and its variance."""
+
+    evaluation = Careless
+
+    def on_sample(self, sample: Sample) -> None:
+        """Twice the same."""
+        self.context.report("count", [1.0, 2.0], sample.index, covariance=np.eye(2))
+
+
+@pytest.mark.parametrize(
+    ("answers", "quantity", "message"),
+    [
+        (
+            {"count": "many"},
+            Quantity("count"),
+            "agent 1: the central estimate of 'count' is 'many', and not real numbers",
+        ),
+        ({"count": 1.0}, Quantity("count"), "agent 1: the central estimate of 'count' has 1 components, .* report 2"),
+        (
+            {"count/covariance": -np.eye(2)},
+            Quantity("count"),
+            "agent 1: the central estimate of 'count/covariance' has the variance -1",
+        ),
+        (
+            {},
+            Quantity("count", difference=lambda one, _: one.sum()),
+            r"'count': its difference of arrays \(5, 2\) has the shape \(\), and must be \(…, m\)",
+        ),
+        (None, Quantity("count"), r"evaluation Careless: __init__ must call super\(\).__init__\(plan, world_reports\)"),
+    ],
+)
+def test_what_an_evaluation_says_is_checked(
+    answers: Mapping[str, Any] | None,
+    quantity: Quantity,
+    message: str,
+    plan_of: PlanOf,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In one sentence, with agent and quantity named."""
+    monkeypatch.setattr(Careless, "answers", answers or {})
+    monkeypatch.setattr(Careless, "calls_base", answers is not None)
+    monkeypatch.setattr(Careless, "quantities", (quantity,))
+    plan = replace(plan_of([("1", "2")], 450, kind=Surveyor), world=Ramp())
+    with pytest.raises(BadInput, match=f"^{message}"):
+        recorded(plan)

@@ -19,6 +19,7 @@ from volery.experiments.record.frame_fates import frame_fates
 from volery.experiments.record.record import Collector
 from volery.experiments.record.samples import samples
 from volery.experiments.swarm.status import Status, WatchedSink
+from volery.experiments.swarm.supervisor import told_once
 from volery.experiments.twin import Twin
 from volery.quantities import Quantity
 from volery.transport.faults import Kill, LinkFault
@@ -74,6 +75,37 @@ class Compass(Agent):
     """Agents that report headings."""
 
     evaluation = CompassEvaluation
+
+
+class BrokenEvaluation(CompassEvaluation):
+    """Fails where it is made."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        raise KeyError
+
+
+class Broken(Agent):
+    """Agents whose evaluation fails."""
+
+    evaluation = BrokenEvaluation
+
+
+def test_an_evaluation_that_fails_does_not_end_the_run(plan_of: Make) -> None:
+    """The display has no disagreement then; what is wrong is told at the end."""
+    plan = plan_of([("1", "2")], kind=Broken)
+    status = Status(plan)
+    status.alive = {"1", "2"}
+    for name in "12":
+        status.take(Batch(name, 0, [Estimate(0, "heading", 1, [float(name)])]))
+    assert status.to_dict()["disagreement"] is None
+
+
+def test_what_several_agents_say_is_told_once() -> None:
+    """In the order of the first, agents in natural order."""
+    lines = "failed in start: KeyError\n  File"
+    told = [f"agent 10 {lines}", "agent 2 has ended", f"agent 9 {lines}", "agent 1: no light", "a link is lost"]
+    assert told_once(told) == (f"agents 9, 10 {lines}", "agent 2 has ended", "agent 1: no light", "a link is lost")
 
 
 def test_disagreement_is_that_of_the_tables(plan_of: Make) -> None:
