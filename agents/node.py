@@ -94,6 +94,7 @@ class Node:
         self.hogged = 0.0
         self.saved = saved
         self.plan = plan
+        self._measuring = frame_measuring(plan.world)
         self.present = plan.present(name, start_ns)
         self._clock = Clock()
         self._waiting: list[tuple[Event, int, Callable[[Event], None]]] | None = None
@@ -279,7 +280,7 @@ class Node:
 
     def _measured(self, time_ns: int, source: str, frame: Frame) -> NDArray[np.float64] | None:
         """Journal what is measured from a delivered frame: a function of the plan and of the frame's header."""
-        if (world := frame_measuring(self.plan.world)) is None:
+        if (world := self._measuring) is None:
             return None
         name = frame.incarnation, frame.sequence, frame.copy
         value: NDArray[np.float64] | None = self._told_by_world(
