@@ -13,7 +13,7 @@ from volery.estimators.distributed.covariance_intersection import intersection
 from volery.estimators.distributed.filtering import Filter, Moment, Place
 from volery.estimators.distributed.filters import FILTERS, choose_filter
 from volery.estimators.distributed.gaussian import Gaussian, Measurement, information, measured_information
-from volery.estimators.information import pack_pair, unpack_pair
+from volery.estimators.information import InformationPair, pack_pair, unpack_pair
 from volery.topologies import agents, complete, geometric, ring, star
 
 from .tracking import (
@@ -208,6 +208,26 @@ def test_events_save_messages_and_without_thresholds_nothing_is_lost() -> None:
 
     track("event-triggered", graph, samples=20, lost=counted)
     assert 0.1 < len(sent) / (20 * 3 * 12) < 0.67
+
+
+@pytest.mark.parametrize(
+    ("told", "shift", "news"),
+    [
+        (0.56, 0.0, False),  # Ω̄ ≼ (1 + δ) Ω ends at Ω = 1 / 1.3, that is where the neighbour's is 0.538
+        (0.52, 0.0, True),
+        (1.58, 0.0, False),  # Ω ≼ (1 + β) Ω̄ ends at Ω = 1.3, where the neighbour's is 1.6
+        (1.62, 0.0, True),
+        (1.4, 1.19, False),  # the mean moves by shift / 2 / Ω with Ω = 1.2: (shift / 2)² / Ω = α at a shift of 1.2
+        (1.4, 1.21, True),
+    ],
+)
+def test_each_threshold_of_an_event_is_where_the_paper_has_it(told: float, shift: float, news: bool) -> None:
+    """(10) of Battistelli 2018 at α = β = δ = 0.3: Ω̄ = 1 was sent, Ω is its average with one neighbour's."""
+    one = choose_filter("event-triggered").make(Place("1", ("1", "2"), 2), Gaussian(np.zeros(2), np.eye(2)))
+    one.begin(Moment(0, None, (), {"2": 0.5}))
+    assert one.message("2") is not None
+    one.hear({"2": pack_pair(InformationPair(np.diag([told, 1.0]), np.array([shift, 0.0])))})
+    assert (one.message("2") is not None) == news
 
 
 @given(seed=st.integers(0, 10**6))
