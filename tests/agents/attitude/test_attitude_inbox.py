@@ -102,6 +102,17 @@ def test_a_neighbour_whose_clock_is_ahead_is_heard_and_counted() -> None:
     assert counts(inbox) == (4, 0, 3)
 
 
+def test_what_was_told_of_the_sample_before_goes_before_what_is_ahead() -> None:
+    """And so does what is older by a sample than that, whichever came first."""
+    inbox = Inbox(max_age=2)
+    for k in (7, 5):
+        inbox.put("a", message(k))
+    assert taken(inbox, 6) == {"a": 5}
+    for k in (10, 7):
+        inbox.put("b", message(k))
+    assert taken(inbox, 9, "b") == {"b": 7}
+
+
 def test_who_is_no_neighbour_any_more_is_not_used() -> None:
     """What it told before the graph changed is dropped."""
     inbox = Inbox(max_age=1)
