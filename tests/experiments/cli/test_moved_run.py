@@ -78,6 +78,7 @@ LOADED = (
 )
 
 
+ENGINES = [pytest.param("twin", marks=pytest.mark.long), "zenoh"]
 OTHER_PYTHON = """\
 import json, pathlib
 path = pathlib.Path("runs/run/plan.json")
@@ -115,7 +116,7 @@ def made(home: Path, engine: str) -> Path:
     return home / "runs" / "run"
 
 
-@pytest.mark.parametrize("engine", ["twin", "zenoh"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_moved_run_without_its_sources_can_be_read_and_verified(engine: str, tmp_path: Path) -> None:
     """By every command, in an empty folder; nothing but the folder is needed, and readers import no agent."""
     run = made(tmp_path / "home", engine)
@@ -182,7 +183,7 @@ def test_a_replay_has_the_kept_sources_and_says_what_has_changed_since(tmp_path:
     assert differs.splitlines()[-1] == f"{Path('runs/run/sources/helper.py')} is not what the run kept"
 
 
-@pytest.mark.parametrize("engine", ["twin", "zenoh"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_an_agent_of_the_script_itself_is_kept_too(engine: str, tmp_path: Path) -> None:
     """Its processes and the replay have it by value; the script, which need not guard its calls, is kept for people."""
     (tmp_path / "script.py").write_text(SCRIPT, "utf-8")

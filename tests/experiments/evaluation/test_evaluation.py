@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from volery.agents.agent import Agent, Received, Sample, Timer
-from volery.agents.journal import Taken
+from volery.agents.journal import Commanded, Taken
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
@@ -26,6 +26,8 @@ from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import Twin, recorded
 from volery.quantities import Quantity
 from volery.transport.faults import ClockFault, Kill, Pause, SensorFault
+from volery.transport.latency_settings import Constant
+from volery.transport.links import LinkSettings
 from volery.worlds.moving.motions import MovingWorld, Paths
 
 MS = 1_000_000
@@ -75,6 +77,10 @@ class Ledger(Evaluation):
     def received(self, agent: str, frame: Received) -> None:
         """A frame."""
         self.told.append(("received", frame.time_ns, agent, (frame.source, frame.payload)))
+
+    def commanded(self, agent: str, command: str, value: Floats, time_ns: int) -> None:
+        """A command."""
+        self.told.append(("commanded", time_ns, agent, (command, value.tolist())))
 
     def instant(self, agent: str, quantity: str, index: int, time_ns: int) -> int:
         """That of the sample."""
@@ -127,6 +133,23 @@ def test_everything_is_told_in_the_order_of_events(
         ("asked", 200 * MS, "2", 2),
         ("received", 206 * MS, "1", ("2", b"\x02")),
         ("received", 206 * MS, "2", ("1", b"\x02")),
+    ]
+
+
+def test_of_one_instant_commands_come_first_then_frames_samples_and_questions(plan_of: PlanOf) -> None:
+    """Frames are 100 ms under way from sample to sample, and a command takes effect at one of these instants."""
+    plan = plan_of([("1", "2")], 450, kind=Teller, settings=LinkSettings(latency=Constant(99 * MS)))
+    record = recorded(replace(plan, world=Ramp(), keeps_payloads=True))
+    record.batches["1", 0].commands.append(Commanded(200 * MS, "2", "thrust", [0.5]))
+    evaluated(record)
+    assert [event for event in Ledger.told if event[1] == 200 * MS] == [
+        ("commanded", 200 * MS, "2", ("thrust", [0.5])),
+        ("received", 200 * MS, "1", ("2", b"\x01")),
+        ("received", 200 * MS, "2", ("1", b"\x01")),
+        ("sampled", 200 * MS, "1", None),
+        ("sampled", 200 * MS, "2", None),
+        ("asked", 200 * MS, "1", 2),
+        ("asked", 200 * MS, "2", 2),
     ]
 
 
