@@ -244,6 +244,8 @@ async def _run_swarm(
 def _new_folder(options: Options, name: str) -> Path:
     if options.name is not None:
         folder = options.runs / options.name
+        if folder.parent != options.runs or options.name in ("", ".."):
+            raise BadInput(f"the run's name {options.name!r} must be that of one folder: --runs chooses where it is")
         if folder.exists():
             raise BadInput(f"{folder} exists already: choose another --name, no run is overwritten")
         folder.mkdir(parents=True)

@@ -90,6 +90,7 @@ class Swarm(Fleet):
         self.restarts = Restarts(self)
         self._listen = listen
         self._news = asyncio.Event()
+        self._began_ns = 0
 
     async def run(self) -> Ending:
         """Run from the start of the first process to the end of the last; no process and no session is left behind.
@@ -114,7 +115,7 @@ class Swarm(Fleet):
             liveliness = self.session.liveliness().declare_subscriber(self.keys.alive("*"), tokens.push, history=True)
             await self._start()
             await self.over.wait()
-            wall_ns = max(0, time.monotonic_ns() - self.epoch_ns)
+            wall_ns = max(0, time.monotonic_ns() - self._began_ns)
             async with self.intervening:
                 await self._finish()
             stopped = True
@@ -138,6 +139,7 @@ class Swarm(Fleet):
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.all_agents)
         self.epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self.sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
+        self._began_ns = self.epoch_ns if self.pace == "realtime" else time.monotonic_ns()
         await self.order(self.start_order(0))
         self.ready.set()
         for agent in self.plan.agents:

@@ -51,6 +51,7 @@ def test_a_run_where_a_loop_runs_already(engine: typing.Literal["twin", "zenoh"]
 
     waited, awaited = asyncio.run(cell())
     assert waited.problems == awaited.problems == ()
+    assert waited.record.info["wall_s"] > 0.0
     assert waited.samples().estimate.tobytes() == awaited.samples().estimate.tobytes()
 
 
@@ -100,6 +101,8 @@ asyncio.run(cell())
         ({"speed": "2"}, "run(): speed is '2', it must be float"),
         ({"speed": -1}, "speed is -1, it must be above 0"),
         ({"name": 3}, "run(): name is 3, it must be str | None"),
+        ({"name": "a/b"}, "the run's name 'a/b' must be that of one folder: --runs chooses where it is"),
+        ({"name": ".."}, "the run's name '..' must be that of one folder: --runs chooses where it is"),
         ({"overrides": "seed=3"}, "run(): overrides is 'seed=3', it must be Sequence[str]"),
         ({"scenario": 4}, "run(): scenario is 4, it must be str | Path | Mapping[str, Any]"),
         ({"engin": "twin"}, "run() has no argument 'engin' (did you mean 'engine'?)"),
