@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -47,6 +48,17 @@ class Finding:
     unit: str = ""
     text: str = ""
 
+    def __post_init__(self) -> None:
+        """Check its kinds of values.
+
+        Raises:
+            BadInput: a value that is no number, or words that are no text.
+        """
+        if not isinstance(self.value, Real):
+            raise BadInput(f"finding {self.name!r}: value is {self.value!r}, and no number: words go into text=")
+        if not all(isinstance(words, str) for words in (self.name, self.unit, self.text)):
+            raise BadInput(f"finding {self.name!r}: name, unit and text must be texts")
+
 
 @dataclass(frozen=True)
 class View:
@@ -59,6 +71,20 @@ class View:
     places: Mapping[str, Floats]
     covariances: Mapping[str, Floats] = field(default_factory=dict)
     relative: bool = False
+
+    def __post_init__(self) -> None:
+        """Check its shapes.
+
+        Raises:
+            BadInput: a place with less than two components, or a covariance that is not 2 × 2.
+        """
+        for name, place in self.places.items():
+            if np.ndim(place) != 1 or len(place) < 2:
+                raise BadInput(f"view: the place of {name!r} has the shape {np.shape(place)}: give x and y in metres")
+        for name, covariance in self.covariances.items():
+            if np.shape(covariance) != (2, 2):
+                shape = np.shape(covariance)
+                raise BadInput(f"view: the covariance of {name!r} has the shape {shape}: give that of x and y, 2 × 2")
 
 
 class RunData(Protocol):

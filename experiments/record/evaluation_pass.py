@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...agents.agent import Received, Sample
-from ...agents.call_checks import covariance, numbers
+from ...agents.call_checks import covariance, numbers, whole_number
 from ...errors import BadInput
 from ...estimators.information import pack_symmetric
 from ...quantities import Component, Floats, Quantity, subtracted
 from ...user_code import names_user_code
-from ..evaluation.evaluation import Evaluation, distance_to_mean, evaluations
+from ..evaluation.evaluation import Evaluation, Finding, distance_to_mean, evaluations
 from ..evaluation.evaluation_result import EvaluatedQuantity, EvaluationResult, save_evaluation
 from .channels import channels_to_keep
 from .normalised_errors import normalised_squares, standard_deviations
@@ -77,7 +77,7 @@ def evaluated(record: Record) -> Record:
     compared = replace(record, evaluation=EvaluationResult(quantities))
     result = EvaluationResult(
         quantities,
-        tuple(finding for judge in dict.fromkeys(judges.values()) for finding in judge.findings(compared)),
+        tuple(finding for judge in dict.fromkeys(judges.values()) for finding in _findings(judge, compared)),
         true_places(record),
         view_places(reports, judges),
         followed_places(reports, {name: one.truth for name, one in quantities.items()}, judges),
@@ -129,6 +129,7 @@ def _questions(judges: Mapping[str, Evaluation], reports: Reports, known: _Known
             judge = judges[agent]
             for row, (index, time_ns) in enumerate(zip(mine.sample.tolist(), mine.time_ns.tolist(), strict=True)):
                 instant_ns = judge.instant(agent, quantity, index, time_ns)
+                instant_ns = whole_number(instant_ns, f"agent {agent}", f"the instant of {quantity!r}")
                 ask = partial(_ask, known[quantity][agent], row, (agent, quantity, index, instant_ns), has_truth)
                 yield _Step(instant_ns, (_REPORT, 0, 0), (judge,), ask)
 
@@ -152,6 +153,13 @@ def _fitting(value: ArrayLike, width: int, agent: str, what: str) -> Floats:
     if len(flat) != width:
         raise BadInput(f"{agent}: {what} has {len(flat)} components, the agents report {width}")
     return flat
+
+
+def _findings(judge: Evaluation, run: Record) -> Sequence[Finding]:
+    found = tuple(judge.findings(run))
+    if wrong := [one for one in found if not isinstance(one, Finding)]:
+        raise BadInput(f"evaluation {type(judge).__name__}: findings has {wrong[0]!r}: return a list of Finding(…)")
+    return found
 
 
 # -- what follows of each quantity ------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ...agents.plan import moving
+from ...errors import BadInput
 from ...quantities import Floats
 from ...topologies import natural_key
 from ...units import first_period, period_ns
@@ -93,8 +94,11 @@ def _views(judge: Evaluation, agent: str, reports: Mapping[str, Series]) -> Iter
             if last >= 0:
                 latest[quantity] = mine.value[last]
         view = judge.view(agent, latest)
-        if view is not None:
-            yield time_ns, view
+        if view is None:
+            continue
+        if not isinstance(view, View):
+            raise BadInput(f"evaluation {type(judge).__name__}: view returned {view!r}: return a View, or None")
+        yield time_ns, view
 
 
 def _packed(views: Sequence[_View]) -> Places:

@@ -24,7 +24,7 @@ RADIO_FIELDS = {"medium", "rate", "overhead", "bits_per_byte", "mtu", "queue", "
 def inconsistencies(plan: Plan) -> Iterator[Problem]:
     """Parts of a plan that do not fit together, with the faults of its timeline included."""
     for kind in sorted({agent.kind for agent in plan.agents}):
-        for text in registry.find(kind).problems(plan):
+        for text in registry.problems_of(kind, plan):
             yield Problem(("agents",), text)
     if isinstance(plan.world, OwnWorld):
         for text in plan.world.impurities():
@@ -130,7 +130,7 @@ def _link_problems(plan: Plan) -> Iterator[tuple[Loc, str, list[LinkName]]]:
             for link in fault.links:
                 touching[link].append(fault)
     senders = {agent.name: agent for agent in plan.agents}
-    payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
+    payloads = {agent.name: registry.offer_of(plan, agent.name).largest_payload for agent in plan.agents}
     alike: dict[tuple[LinkSettings, tuple[str, ...], int | None, int, int], list[LinkName]] = defaultdict(list)
     for link, settings in plan.links.items():
         ids = tuple(fault.id for fault in touching[link])

@@ -48,7 +48,7 @@ class LinkGroup:
 
 def link_groups(plan: Plan, *, every: bool = False) -> list[LinkGroup]:
     """The links of a plan in groups, in natural order of the first; `every`: one group a link."""
-    payloads = {agent.name: registry.find(agent.kind).offers(plan, agent.name).largest_payload for agent in plan.agents}
+    payloads = {agent.name: registry.offer_of(plan, agent.name).largest_payload for agent in plan.agents}
     alike: dict[Any, list[LinkName]] = {}
     for link in sorted(plan.links, key=lambda link: (natural_key(link[0]), natural_key(link[1]))):
         faults = tuple(fault.id for fault in plan.faults if isinstance(fault, LinkFault) and link in fault.links)

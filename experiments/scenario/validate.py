@@ -74,7 +74,7 @@ def validate_plan(plan: Plan, overload: bool = False) -> Validation:
     Raises:
         BadInput: a medium is offered more than it can carry, and `overload` is false.
     """
-    offers = {agent.name: registry.find(agent.kind).offers(plan, agent.name) for agent in plan.agents}
+    offers = {agent.name: registry.offer_of(plan, agent.name) for agent in plan.agents}
     payloads = {name: offer.largest_payload for name, offer in offers.items()}
     rates = {name: offer.per_second for name, offer in offers.items()}
     declared = [payload for payload in payloads.values() if payload is not None]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from ...agents.plan import Plan
 from ...agents.plan_codec import named_by_value
 from ...agents.process import Pace
-from ...agents.registry import find
+from ...agents.registry import offer_of
 from ...errors import BadInput
 from ...transport.faults import Fault, Kill, LinkFault, LinkName, effective
 from ..scenario.consistency import forgets, placeless, settings_problems
@@ -74,7 +74,7 @@ def _check_fit(fault: LinkFault, now: RunState) -> None:
     present = [other for other in now.in_force.values() if isinstance(other, LinkFault)]
     for link in fault.links:
         sender = plan.agent(link[0])
-        payload = find(sender.kind).offers(plan, sender.name).largest_payload
+        payload = offer_of(plan, sender.name).largest_payload
         settings = replace(effective(plan.links[link], link, present, now.now_ns), **fault.changes)
         problems = [*settings_problems(settings, payload, sender.compute_ns), *placeless(plan, link, settings)]
         for field, text in problems:

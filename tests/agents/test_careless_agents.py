@@ -14,7 +14,7 @@ import pytest
 from volery.agents.agent import Agent, Context, Received, Sample, Timer
 from volery.agents.agent_class_checks import check_agent_class
 from volery.agents.plan import AgentPlan, Plan
-from volery.agents.registry import AGENTS
+from volery.agents.registry import AGENTS, offer_of, problems_of
 from volery.errors import BadInput, RunFailed
 from volery.experiments.twin import recorded
 from volery.kinds import NoParameters
@@ -324,6 +324,40 @@ def test_an_error_names_agent_method_and_the_lines_of_the_user(
     files = [line for line in frames if line.startswith('  File "')]
     assert files
     assert all(Path(__file__).name in line for line in files)
+
+
+class Vague(Agent):
+    """Says what it sends in words, and why a plan is impossible in one."""
+
+    @classmethod
+    def largest_payload(cls, parameters: Any) -> Any:
+        """No whole number."""
+        return 9.5
+
+    @classmethod
+    def problems(cls, plan: Plan) -> Any:
+        """No list."""
+        return "too few"
+
+
+class VagueRate(Agent):
+    """Says how often it sends in words."""
+
+    @classmethod
+    def sends_per_second(cls, parameters: Any) -> Any:
+        """No number."""
+        return "20"
+
+
+def test_what_a_class_says_beforehand_is_checked(plan_of_two: Callable[[type[Agent]], Plan]) -> None:
+    """With the class and the method named."""
+    plan = plan_of_two(Vague)
+    with pytest.raises(BadInput, match=r"^agent kind '.*:Vague': largest_payload is 9.5: give whole bytes, or None"):
+        offer_of(plan, "1")
+    with pytest.raises(BadInput, match=r"^agent kind '.*:Vague': problems returned 'too few': give a list of"):
+        problems_of(plan.agents[0].kind, plan)
+    with pytest.raises(BadInput, match=r"^agent kind '.*:VagueRate': sends_per_second is '20': give a number, or None"):
+        offer_of(plan_of_two(VagueRate), "1")
 
 
 class Impatient(Agent):

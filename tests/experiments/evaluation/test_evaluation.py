@@ -16,7 +16,7 @@ from volery.agents.journal import Commanded, Taken
 from volery.agents.plan import Plan
 from volery.errors import BadInput
 from volery.experiments.analysis.metrics import compute_metrics
-from volery.experiments.evaluation.evaluation import Evaluation, Series, View, evaluation_class
+from volery.experiments.evaluation.evaluation import Evaluation, Finding, Series, View, evaluation_class
 from volery.experiments.evaluation.evaluation_result import EvaluationResult, load_evaluation, save_evaluation
 from volery.experiments.record.evaluation_pass import evaluate_run, evaluated
 from volery.experiments.record.plan_file import write_plan
@@ -435,3 +435,35 @@ def test_what_an_evaluation_says_is_checked(
     plan = replace(plan_of([("1", "2")], 450, kind=Surveyor), world=Ramp())
     with pytest.raises(BadInput, match=f"^{message}"):
         recorded(plan)
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "message"),
+    [
+        ("findings", ["good"], r"evaluation Careless: findings has 'good': return a list of Finding\(…\)"),
+        ("view", {"1": [0.0, 0.0]}, r"evaluation Careless: view returned {'1': \[0.0, 0.0\]}: return a View, or None"),
+        ("instant", 1.5, "agent 1: the instant of 'count' is 1.5, of type float, and not a whole number"),
+    ],
+)
+def test_what_a_method_of_an_evaluation_returns_is_checked(
+    method: str, answer: Any, message: str, plan_of: PlanOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one sentence, with the class or the agent named."""
+    monkeypatch.setattr(Careless, method, lambda *_: answer)
+    plan = replace(plan_of([("1", "2")], 450, kind=Surveyor), world=Ramp())
+    with pytest.raises(BadInput, match=f"^{message}"):
+        recorded(plan)
+
+
+def test_findings_and_views_that_are_none_are_refused_where_they_are_made() -> None:
+    """So that the error comes with the user's line."""
+    with pytest.raises(BadInput, match="finding 'x': value is 'warm', and no number: words go into text="):
+        Finding("x", "warm")  # type: ignore[arg-type]
+    with pytest.raises(BadInput, match="finding 'x': name, unit and text must be texts"):
+        Finding("x", text=3)  # type: ignore[arg-type]
+    with pytest.raises(BadInput, match=r"view: the place of '1' has the shape \(1,\): give x and y in metres"):
+        View({"1": np.zeros(1)})
+    with pytest.raises(
+        BadInput, match=r"view: the covariance of '1' has the shape \(3, 3\): give that of x and y, 2 × 2"
+    ):
+        View({"1": np.zeros(2)}, {"1": np.eye(3)})
