@@ -127,12 +127,17 @@ def measured_runs(folders: Sequence[Path]) -> dict[str, tuple[int, str, Values]]
 
 
 def entries_of_runs(found: Mapping[str, tuple[int, str, Values]], name: str) -> list[Entry]:
-    """One entry for all runs that differ in their seed only, called by the first of them."""
-    first: dict[str, str] = {}
+    """One entry for all runs that differ in their seed only, called by the first of them.
+
+    Runs of the same scenario and seed, as by another engine, are entries of their own.
+    """
+    first: dict[tuple[str, int], str] = {}
+    alike: Counter[tuple[str, int]] = Counter()
     runs: Counter[str] = Counter()
     values: dict[str, dict[int, float]] = {}
     for run, (seed, text, measured) in found.items():
-        label = first.setdefault(text, run)
+        label = first.setdefault((text, alike[text, seed]), run)
+        alike[text, seed] += 1
         value = measured.get(name)
         values.setdefault(label, {}).update({} if value is None else {seed: value})
         runs[label] += 1

@@ -84,7 +84,10 @@ def test_sweeps_side_by_side(volery: Volery) -> None:
 
 
 def test_runs_side_by_side(volery: Volery) -> None:
-    """Runs that differ in their seed are repetitions of one contestant; runs and sweeps are not mixed."""
+    """Runs that differ in their seed are repetitions of one contestant, runs that differ in nothing are two.
+
+    Runs and sweeps are not mixed.
+    """
     words = ("run", "short.yaml", "--engine", "twin", "--no-figures", "--set=duration=0.4 s")
     for name, *changes in (("a", "seed=1"), ("b", "seed=2"), ("c", "seed=1", "links.loss.bernoulli=0.5")):
         volery(*words, "--name", name, *(word for change in changes for word in ("--set", change)))
@@ -93,6 +96,10 @@ def test_runs_side_by_side(volery: Volery) -> None:
     standings = told[ERROR][0]["standings"]
     assert {one["contestant"]: one["count"] for one in standings} == {"a": 2, "c": 1}
     assert told["links.delivered_fraction"][0]["standings"][0]["contestant"] == "a"
+    volery(*words, "--name", "again", "--set", "seed=1")
+    (twice,) = json.loads(volery("compare", "a", "again", "--measure", ERROR, "--json").out)[ERROR]
+    assert {one["contestant"]: one["count"] for one in twice["standings"]} == {"a": 1, "again": 1}
+    assert len({one["mean"] for one in twice["standings"]}) == 1
     volery(*SWEEP[:3], "--name", "sweep", "--set=duration=0.4 s")
     refused = volery("compare", "a", "sweep")
     assert (refused.code, "both kinds" in refused.error) == (2, True)
