@@ -167,13 +167,13 @@ class Node:
     def _call(self, name: str, method: Callable[..., Any], *arguments: Any) -> Any:
         """What a method of the agent returns; what it raises becomes a sentence with the lines of the user's code.
 
-        Errors of a coupled world name the world already.
+        Errors of a coupled world name the world, which is no agent of the user's.
         """
         try:
             return method(*arguments)
         except (Exception, SystemExit) as error:
             if self.state.name == WORLD and isinstance(error, VoleryError):
-                raise
+                raise RunFailed(str(error)) from error
             raise RunFailed(f"agent {self.state.name} failed in {name}: {described(error)}") from error
 
     def _told_by_world(self, ask: Callable[..., Any], *arguments: Any) -> Any:

@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import parent_process
@@ -198,12 +199,14 @@ class _Shell:
         """Warm up: use each link once, and run the first moments on throw-away nodes that hear their own frames.
 
         Agents are pure and a promise of 0 says nothing, so this has no effect but warm code and known routes: the first
-        round of the run is not slower than the rest.
+        round of the run is not slower than the rest. What a user's agent prints, or is warned of, is left out.
         """
         for outlet in self._links:
             say = air_promise if outlet == AIR else promise
             self._write(outlet, say(self._it.incarnation, 0, 0))
-        with contextlib.suppress(BaseException):
+        silent = contextlib.redirect_stdout(None), contextlib.redirect_stderr(None), warnings.catch_warnings()
+        with contextlib.suppress(BaseException), silent[0], silent[1], silent[2]:
+            warnings.simplefilter("ignore")
             self._play()
         return True
 

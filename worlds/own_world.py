@@ -19,7 +19,7 @@ from ..quantities import Floats, Quantity, check_quantities
 from ..randomness import stream
 from ..topologies import Position, natural_key
 from ..units import SampleTimes, sample_ns
-from .checked_calls import CheckedCalls, called, shown
+from .checked_calls import CheckedCalls, called, numbers, shown
 from .world import RunningWorld, Surroundings, World
 from .world_kinds import WORLDS
 
@@ -284,7 +284,12 @@ class OwnRunningWorld:
         found = self._calls.ask(self._running, "truth")
         if not isinstance(found, Mapping):
             self._calls.refuse("truth()", f"returned {shown(found)}: return a mapping, quantity → value")
-        values = {name: self._calls.vector(found, "__getitem__", name, may_have_rows=True) for name in found}
+        values = {}
+        for name, value in found.items():
+            try:
+                values[name] = None if value is None else numbers(value, may_have_rows=True)
+            except BadInput as error:
+                self._calls.refuse("truth()", f"has for {name!r} {error}")
         return {name: value.ravel() for name, value in values.items() if value is not None}
 
     def events(self) -> list[dict[str, Any]]:

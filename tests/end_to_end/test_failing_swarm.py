@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -77,3 +79,38 @@ def test_the_sentence_of_a_failed_agent_is_that_of_the_twin(
     record, ending = run_swarm(plan)
     assert ending.problems == (str(raised.value),)
     assert [event["event"] for event in record.events if event["event"] == "restarted"] == []
+
+
+TALKATIVE = """
+import warnings
+
+import volery
+from volery.agents.agent import Agent
+
+
+class Talkative(Agent):
+
+    def start(self):
+        print("starts")
+        self.context.set_timer(0)
+
+    def on_timer(self, timer):
+        warnings.warn("rings")
+        self.context.broadcast(b"x")
+
+    def on_frame(self, frame):
+        print("hears", frame.source)
+
+
+fields = {"duration": "60 ms", "topology": {"line": 2}, "links": {"latency": "5 ms"}}
+assert not volery.run(fields, agents=Talkative).problems
+"""
+
+
+def test_what_agents_print_is_printed_once(tmp_path: Path) -> None:
+    """In real time agents rehearse before the run, on frames of their own; nobody hears of that."""
+    (tmp_path / "talkative.py").write_text(TALKATIVE, "utf-8")
+    command = [sys.executable, "talkative.py"]
+    said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert (said.stdout.count("starts"), said.stdout.count("hears")) == (2, 2)
+    assert said.stderr.count("UserWarning: rings") == 2

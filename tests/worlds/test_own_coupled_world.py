@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from volery.agents.agent import Agent, Sample
-from volery.errors import BadInput
+from volery.errors import VoleryError
 from volery.experiments.record.record import Record
 from volery.experiments.scenario.load import load_scenario
 from volery.experiments.twin import recorded
@@ -58,6 +58,22 @@ class Hearing(Carts):
     def measure_frame(self, source: str, target: str, time_ns: int, noise: Stream) -> Any:
         """Nothing."""
         return 0.0
+
+
+class VagueCarts(RunningCarts):
+    """Says where carts are in words."""
+
+    def truth(self) -> Any:
+        """No number."""
+        return {"cart@1": "far"}
+
+
+class Vague(Carts):
+    """Its truth is none."""
+
+    def begin(self) -> RunningWorld:
+        """Such a run."""
+        return VagueCarts(self.agents)
 
 
 class Slow(Carts):
@@ -110,11 +126,12 @@ def test_agents_act_upon_a_world_of_ones_own() -> None:
     ("world", "agent", "message"),
     [
         (Hearing, Pusher, "world .*:Hearing: measure_frame cannot be"),
+        (Vague, Pusher, "world .*:Vague: truth\\(\\) has for 'cart@1' 'far': return numbers"),
         (Slow, Pusher, "world .*:Slow: act_delay_ns is 0: it must be whole nanoseconds, at least 1"),
         (Carts, Puller, r"world .*:Carts: act\('1', 'pull', .*failed: the world takes no command 'pull' of agent 1"),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(world: type[World], agent: type[Agent], message: str) -> None:
     """Measuring frames, delays, and commands."""
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(VoleryError, match=message):
         run(world, agent)
