@@ -161,7 +161,7 @@ def test_last_report_of_a_sample_counts(record_of: Make) -> None:
 
 def test_reference_of_another_length_is_an_error(record_of: Make) -> None:
     """The message names the agent and both lengths."""
-    with pytest.raises(BadInput, match=r"truth of 'estimate' of agent 1 has 2 components, the agents report 1"):
+    with pytest.raises(BadInput, match=r"agent 1: the truth of 'estimate' has 2 components, the agents report 1"):
         samples(record_of(Batch("1", 0, [Estimate(0, "estimate", 0, [1.0])])), "estimate")
 
 
