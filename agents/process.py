@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, Literal
@@ -29,14 +30,15 @@ from ..transport.frames import DamagedFrame, Message, air_promise, decode, encod
 from ..transport.keys import Keys
 from ..transport.media_settings import AIR, on_air
 from ..user_code import described
+from .exact_pace import Exact
 from .journal import Batch
 from .loaded_sources import loaded_sources
-from .lockstep import Lockstep
 from .node import Node
-from .pacing import Realtime
 from .plan_codec import decode_plan, decode_value
+from .realtime_pace import Realtime
 from .run_start import RunStart
 from .sender import Put
+from .wall_clock import WallClock
 
 FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
@@ -44,7 +46,8 @@ _REHEARSAL_NS = 200_000_000
 _ORDERS_LIMIT = 1_000
 _NEEDS_NODE = {"arm", "external-kill", "freeze", "thaw", "end"}
 """Orders without effect on a process on standby: it is told everything when its incarnation starts."""
-Pace = Literal["realtime", "lockstep"]
+Pace = Literal["exact", "lockstep", "realtime"]
+"""Lockstep is exact pace without a clock."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +118,7 @@ class _Shell:
             if radio:
                 self._links[AIR] = zs.publisher(session, keys.air(it.name))
             self._telemetry = zs.publisher(session, keys.telemetry(it.name))
-            self._pacer: Realtime | Lockstep = (
-                Realtime(loop, self._write, self._done, self._guard, it.speed)
-                if it.pace == "realtime"
-                else Lockstep(loop, self._write, self._done, self._guard)
-            )
+            self._pacer = self._paced(loop)
             self._orders = zs.Inbox(loop, _ORDERS_LIMIT, self._ordered)
             self._hearing = session.declare_subscriber(keys.inbox(it.name), self._heard)
             self._listening = session.declare_subscriber(keys.air("*"), self._heard) if radio else None
@@ -132,6 +131,13 @@ class _Shell:
             os.kill(os.getpid(), signal.SIGKILL)
         if self._crashed:
             sys.exit(1)
+
+    def _paced(self, loop: asyncio.AbstractEventLoop) -> Exact | Realtime:
+        pace, speed = self._it.pace, self._it.speed
+        if pace == "realtime":
+            return Realtime(loop, self._write, self._done, self._guard, speed)
+        clock_of = None if pace == "lockstep" else partial(WallClock, loop, speed=speed)
+        return Exact(loop, self._write, self._done, self._guard, clock_of)
 
     def _write(self, outlet: str, message: Message) -> None:
         self._links[outlet].put(encode(message))
@@ -297,6 +303,8 @@ class _Shell:
         self._finished = True
         if not self._node.state.dead:
             self._node.finish()
+        timing = self._pacer.timing()
+        timing["lateness_ns"] = _quantiles(timing["lateness_ns"])
         usage = resource.getrusage(resource.RUSAGE_SELF)
         self._node.state.journal.events.append(
             {
@@ -307,7 +315,7 @@ class _Shell:
                 "promises": self._pacer.promises,
                 "overflowed": self._pacer.mail.overflowed,
                 "sources": loaded_sources(),
-                "lateness_ns": _quantiles(self._pacer.lateness_ns),
+                **timing,
             }
         )
 

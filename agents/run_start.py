@@ -1,4 +1,4 @@
-"""What both pacers of a process are given."""
+"""What both pacers of a process are given, and share."""
 
 from __future__ import annotations
 
@@ -6,6 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..transport.frames import Message
+
+AHEAD_NS = 8_000_000
+"""How long before its start, on the clock, a frame is put on the wire.
+
+Far less than live faults are announced ahead, and short, so that frames that start later do not delay earlier ones.
+"""
+LATENESS_KEPT = 50_000
+"""How many of the times by which events were handled late are kept for their quantiles."""
 
 Write = Callable[[str, Message], None]
 Guard = Callable[[Callable[[], None]], Callable[[], None]]

@@ -29,7 +29,8 @@ class DamagedFrame(VoleryError):
 class Frame(NamedTuple):
     """One frame on a link, or a promise without a frame (`sequence` is then −1 and nothing is delivered).
 
-    `promise_ns`: no later frame of this link starts before this instant; None without a promise.
+    `promise_ns`: no later frame of this link starts before this instant; None without a promise. The start of a promise
+    without a frame is the instant before which its sender has handled everything.
     `sent`: number of frames of this link and incarnation put so far, including this one. `copy` is 1 for a duplicate.
     """
 
@@ -92,14 +93,14 @@ Message = Frame | AirFrame
 PROMISE_ONLY = -1
 
 
-def promise(incarnation: int, promise_ns: int, sent: int) -> Frame:
-    """A promise without a frame."""
-    return Frame(incarnation, PROMISE_ONLY, 0, 0, 0, "", b"", sent, promise_ns)
+def promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0) -> Frame:
+    """A promise without a frame, from an agent that has handled everything before `progress_ns`."""
+    return Frame(incarnation, PROMISE_ONLY, progress_ns, 0, 0, "", b"", sent, promise_ns)
 
 
-def air_promise(incarnation: int, promise_ns: int, sent: int) -> AirFrame:
+def air_promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0) -> AirFrame:
     """A radio's promise without a transmission, to all its neighbours."""
-    return AirFrame(incarnation, PROMISE_ONLY, 0, 0, b"", sent, promise_ns, {}, ())
+    return AirFrame(incarnation, PROMISE_ONLY, progress_ns, 0, b"", sent, promise_ns, {}, ())
 
 
 def encode(frame: Message) -> bytes:

@@ -55,6 +55,7 @@ class NeighbourPromises:
         interventions: number of interventions in the run so far.
         incarnations: for an agent that joins a running swarm: neighbour → its first incarnation that counts. The first
             message of that says how many frames came before.
+        start_ns: when the agent starts; its neighbours are taken to have come as far.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class NeighbourPromises:
         interventions: int = 0,
         *,
         incarnations: Mapping[str, int] | None = None,
+        start_ns: int = 0,
     ) -> None:
         first = None if incarnations else 0
         self._name = name
@@ -75,6 +77,7 @@ class NeighbourPromises:
         self._ended = {source: (incarnations or {}).get(source, 0) - 1 for source in segments}
         self._returns: dict[str, list[tuple[int, int]]] = {source: [] for source in segments}
         self._killed_externally: dict[str, int] = {}
+        self._progress = dict.fromkeys(segments, start_ns)
         self._bounds: dict[str, int] = {}
         for source in segments:
             self._update_bound(source)
@@ -93,6 +96,8 @@ class NeighbourPromises:
             self._received[source] = None if known is None else 0
             self._incarnations[source] = message.incarnation
             self._promises[source] = 0
+            self._progress[source] = 0
+        self._progress[source] = max(self._progress[source], message.start_ns)
         received = self._received[source]
         if received is None:
             received = message.sent
@@ -180,7 +185,20 @@ class NeighbourPromises:
         """Those of the sources that may still start something before an instant."""
         return {source for source in sources if self._promises[source] < time_ns}
 
-    def blocking(self) -> set[str]:
-        """The neighbours that must all be heard before `safe_ns` can grow."""
-        safe = self.safe_ns()
-        return {source for source, bound in self._bounds.items() if bound == safe}
+    def blocking(self, time_ns: int, sources: Iterable[str] | None = None) -> set[str]:
+        """Those of all or some neighbours that must be heard before an instant is safe."""
+        bounds = self._bounds
+        return {source for source in (bounds if sources is None else sources) if bounds[source] <= time_ns}
+
+    def credit_ns(self) -> int:
+        """The least instant before which a living neighbour has handled everything, as far as it has said."""
+        living = (self._progress[source] for source, promise_ns in self._promises.items() if promise_ns < OVER_NS)
+        return min(living, default=FOREVER_NS)
+
+    def behind(self, time_ns: int) -> set[str]:
+        """The living neighbours that have not said to have handled everything before an instant."""
+        return {
+            source
+            for source, promise_ns in self._promises.items()
+            if promise_ns < OVER_NS and self._progress[source] < time_ns
+        }

@@ -10,7 +10,7 @@ import pytest
 
 from volery.agents.journal import Arrived, Heard
 from volery.agents.node import Node
-from volery.agents.pacing import Realtime
+from volery.agents.realtime_pace import Realtime
 from volery.agents.plan import AgentPlan, Plan
 from volery.agents.run_start import RunStart
 from volery.kinds import NoParameters
@@ -26,7 +26,7 @@ CUT = LinkFault("f1", 0, None, (("1", "2"),), {"cut": True})
 def clock_ns(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The monotonic clock, to be set."""
     now_ns = [100 * MS]
-    monkeypatch.setattr("volery.agents.pacing.time.monotonic_ns", lambda: now_ns[0])
+    monkeypatch.setattr("time.monotonic_ns", lambda: now_ns[0])
     return now_ns
 
 

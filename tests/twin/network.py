@@ -1,7 +1,8 @@
-"""An in-memory network for lockstep pace: the real pacers without processes, and a wire that delivers when it pleases.
+"""An in-memory network for exact pace: the real pacers without processes, and a wire that delivers when it pleases.
 
 Every pacer runs its node as in a process of its own. The network keeps order on each link, as one subscriber does, and
-nothing else: which link delivers next, how many of its frames at once, and when a woken agent wakes up, is drawn.
+nothing else: which link delivers next, how many of its frames at once, when a woken agent wakes up, and how far the wall
+clock goes meanwhile, if there is one, is drawn.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from volery.agents.lockstep import Lockstep
+from volery.agents.exact_pace import Exact
 from volery.agents.node import Node
 from volery.agents.plan import Plan
 from volery.agents.run_start import RunStart
@@ -27,10 +28,46 @@ if TYPE_CHECKING:
     from asyncio import AbstractEventLoop
 
 
-class Network:
-    """All nodes of a plan in lockstep pace, and the wire between them. It watches that promises are kept."""
+class Alarm:
+    """The wall clock as one agent has it; it rings once, in the network's own time."""
 
-    def __init__(self, plan: Plan, seed: int) -> None:
+    epoch_ns, speed = 0, 1.0
+
+    def __init__(self, network: Network, wake: Callable[[], None]) -> None:
+        self._network, self._wake = network, wake
+        self.time_ns: int | None = None
+        network.alarms.append(self)
+
+    def now_ns(self) -> int:
+        """The network's time."""
+        return self._network.now_ns
+
+    def wake_at(self, time_ns: int) -> None:
+        """Set the alarm."""
+        self.time_ns = time_ns
+
+    def ring(self) -> Callable[[], None]:
+        """It rings, and has to be set again."""
+        self.time_ns = None
+        return self._wake
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class Network:
+    """All nodes of a plan in exact pace, and the wire between them. It watches that promises are kept.
+
+    Args:
+        plan: what is run.
+        seed: of what is drawn.
+        clocked: whether there is a wall clock, else it is lockstep.
+    """
+
+    def __init__(self, plan: Plan, seed: int, *, clocked: bool = False) -> None:
+        self._clocked = clocked
+        self.now_ns = 0
+        self.alarms: list[Alarm] = []
         self._rng = np.random.default_rng(seed)
         self._plan = plan
         self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in (*plan.links, *plan.wires)}
@@ -45,14 +82,15 @@ class Network:
         self._outside: set[tuple[str, int]] = set()
         self._standing_by: set[str] = set()
         self.done: set[str] = set()
-        self.pacers: dict[str, Lockstep] = {}
+        self.pacers: dict[str, Exact] = {}
         self.nodes: dict[str, Node] = {}
         for agent in plan.all_agents:
             self._make(agent.name)
 
     def _make(self, name: str, incarnation: int = 0, start_ns: int = 0, saved: bytes | None = None) -> None:
         done = partial(self._done, name, incarnation)
-        pacer = Lockstep(cast("AbstractEventLoop", self), self._write(name), done, lambda wake: wake)
+        clock_of = partial(Alarm, self) if self._clocked else None
+        pacer = Exact(cast("AbstractEventLoop", self), self._write(name), done, lambda wake: wake, clock_of)
         self.pacers[name] = pacer
         self.nodes[name] = Node(self._plan, name, [], pacer.put, incarnation, start_ns, saved=saved)
 
@@ -132,6 +170,7 @@ class Network:
     def deliver(self) -> bool:
         """Deliver some of what is on one link, or wake somebody up; False when nothing is left to do."""
         busy = [link for link, queue in self._wire.items() if queue and link[1] not in self._standing_by]
+        self._let_time_pass(idle=not busy and not self._woken)
         if not busy and not self._woken:
             return False
         choice = self._rng.integers(len(busy) + len(self._woken))
@@ -143,6 +182,18 @@ class Network:
         for _ in range(self._rng.integers(1, len(queue) + 1)):
             self.pacers[target].arrived(source, decode(queue.popleft()))
         return True
+
+    def _let_time_pass(self, *, idle: bool) -> None:
+        """The clock goes on by some of the way to the next alarm, all of it if nothing else happens."""
+        set_ = [alarm for alarm in self.alarms if alarm.time_ns is not None]
+        if not set_ or not (idle or self._rng.random() < 0.2):
+            return
+        next_ns = min(alarm.time_ns for alarm in set_ if alarm.time_ns is not None)
+        share = 1.0 if idle else self._rng.uniform(0.0, 2.0)
+        self.now_ns += max(0, int(share * (next_ns - self.now_ns)))
+        for alarm in set_:
+            if alarm.time_ns is not None and alarm.time_ns <= self.now_ns:
+                self._woken.append(alarm.ring())
 
     def deliver_some(self, times: int) -> None:
         """Deliver that often, if there is so much."""

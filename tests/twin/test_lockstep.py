@@ -1,4 +1,4 @@
-"""Lockstep pace without processes: whatever the network does, the twin's estimates and stories come of it."""
+"""Exact pace without processes: whatever network and clock do, the twin's estimates and stories come of it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_lockstep_equals_the_twin(
 ) -> None:
     """No promise is broken, nobody waits for ever, and every estimate and every frame's story is the twin's."""
     plan = drawn_plan(who, seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
 
@@ -65,7 +65,7 @@ def test_frames_carry_the_promises_of_an_agent_that_acts_on_timers(seed: int, pl
     names = "12345678"
     settings = LinkSettings(medium=HalfDuplex(access=Tdma(100.0, 200_000)), rate=1e6, latency=Constant(10 * MS))
     plan = plan_of(list(zip(names, names[1:] + names[0], strict=True)), talker, settings, duration_ms=1000)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     record = network.finish()
     assert sum(len(batch.sent) for batch in record.batches.values()) > 30 * len(plan.links)
@@ -78,7 +78,7 @@ def test_radios_in_lockstep_equal_the_twin(
 ) -> None:
     """Nobody decides on a frame from the air before everybody who could destroy it has been heard."""
     plan = radio_plan(who, seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
 
@@ -93,7 +93,7 @@ def test_graphs_that_change_in_lockstep_equal_the_twin(
 ) -> None:
     """Links come and go at the same nominal instants in both, and nobody waits for one that is not there."""
     plan = come_and_go(any_plan(who, seed), seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     record = network.finish()
     assert_equal(record, twin_run(plan))
@@ -108,7 +108,7 @@ def test_live_faults_equal_the_twin(
 ) -> None:
     """A fault from outside, and its end, take effect at one instant everywhere: the twin that knew of it agrees."""
     plan = drawn_plan(who, seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     rng = np.random.default_rng(seed)
     network.deliver_some(int(rng.integers(0, 60)))
@@ -131,7 +131,7 @@ def test_deaths_and_returns_equal_the_twin(
     That holds for several lives, for neighbours that are dead together, and for instants that coincide.
     """
     plan = mortal(any_plan(who, seed), seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     assert_equal(network.finish(), twin_run(plan))
 
@@ -146,7 +146,7 @@ def test_interventions_beside_the_dead_equal_the_twin(
 ) -> None:
     """What the dead have promised holds through live faults, also where it is still on the wire."""
     plan = mortal(any_plan(answerer, seed), seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     rng = np.random.default_rng(seed)
     for number in range(3):
@@ -170,7 +170,7 @@ def test_live_kills_and_restarts_equal_the_twin(
 ) -> None:
     """An agent is killed from outside the plan, and brought back, with its state or without."""
     plan = drawn_plan(answerer, seed)
-    network = Network(plan, seed)
+    network = Network(plan, seed, clocked=seed % 2 == 1)
     network.start()
     victim = plan.agents[seed % len(plan.agents)].name
     network.deliver_some(40)
@@ -193,7 +193,7 @@ def test_a_death_from_outside_replays_in_the_twin(
 ) -> None:
     """Nobody waits for the dead; with what was heard of it last, the twin comes to the same estimates and stories."""
     plan = any_plan(answerer, seed)
-    network = Network(mortal(plan, seed) if others_die else plan, seed)
+    network = Network(mortal(plan, seed) if others_die else plan, seed, clocked=seed % 2 == 1)
     network.start()
     network.deliver_some(30 + 7 * seed)
     living = network.living()

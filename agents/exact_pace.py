@@ -1,51 +1,97 @@
-"""Lockstep pace: an event is handled when every neighbour has promised that nothing earlier comes."""
+"""Exact pace: an event is handled when every neighbour has promised that nothing earlier comes, and at its time.
+
+Its time is that of the wall clock; without a clock all goes as fast as promises allow, which is lockstep.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from heapq import heappop
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ..transport.events import DATA, FOREVER_NS, HANDLER, OVER_NS, SOURCE, TIME
+from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, OVER_NS, RANK, SOURCE, TIME, Event
 from ..transport.faults import Fault, Kill, LinkFault, kills_of
 from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
 from ..transport.media_settings import AIR
 from ..transport.promises import NeighbourPromises, lookahead_segments
 from .mailbox import Mailbox
 from .node import Node
-from .run_start import Guard, RunStart, Write
+from .run_start import AHEAD_NS, LATENESS_KEPT, Guard, RunStart, Write
 
 if TYPE_CHECKING:
     import asyncio
 
-_NOBODY = ""
+_CREDIT_NS = 1_000_000_000
+"""How far an agent may run ahead of what a neighbour says to have handled; neighbours say so twice as often."""
 
 
-class Lockstep:
-    """Handles an event when every neighbour has promised that nothing earlier can come."""
+class Clock(Protocol):
+    """Nominal time by the wall clock, with an alarm."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, write: Write, done: Callable[[], None], guard: Guard) -> None:
+    epoch_ns: int
+    speed: float
+
+    def now_ns(self) -> int:
+        """Nominal time now."""
+
+    def wake_at(self, time_ns: int) -> None:
+        """Set the alarm."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class Exact:
+    """Handles an event when every neighbour has promised that nothing earlier can come, and the clock has reached it.
+
+    An agent that its neighbours do not hold back, such as one with sensors alone, would run away from a slow receiver:
+    it waits until every neighbour has said to have handled all but the last second.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        write: Write,
+        done: Callable[[], None],
+        guard: Guard,
+        clock_of: Callable[[Callable[[], None]], Clock] | None = None,
+    ) -> None:
         self.mail = Mailbox()
         self.promises = 0
         self.lateness_ns: list[int] = []
+        self.behind_ns = self.end_behind_ns = 0
         self._loop = loop
         self._write = write
         self._outbox: list[tuple[str, Message]] = []
         self._done = done
-        self._frozen = False
-        self._blocking = [{_NOBODY}]
+        self._frozen = True
+        self._ended = False
+        self._lives: dict[str, int] = {}
+        self._blocking: list[set[str]] = []
         self._wake = guard(self.advance)
+        self._clock = None if clock_of is None else clock_of(self._wake)
 
     def begin(self, node: Node, run_start: RunStart) -> None:
         """Make the first promises; the node knows the live faults so far."""
         self._node, self._state = node, node.state
         self._end_ns = run_start.end_ns
+        self._ahead_ns = 0
+        if self._clock is not None:
+            self._clock.epoch_ns = run_start.epoch_ns
+            self._ahead_ns = int(AHEAD_NS * self._clock.speed)
         self._told = dict.fromkeys(node.sender.outlets, 0)
+        self._shown = dict.fromkeys(node.sender.outlets, self._state.start_ns)
         self._on_air = [source for source in self._state.neighbours if node.sender.outlet_of[source] == AIR]
         segments = {source: self._segments(source) for source in self._state.neighbours}
         restarted = self._state.incarnation > 0
         first = {source: self._first_incarnation(source) for source in segments} if restarted else None
-        self._neighbours = NeighbourPromises(self._state.name, segments, run_start.interventions, incarnations=first)
+        self._neighbours = NeighbourPromises(
+            self._state.name,
+            segments,
+            run_start.interventions,
+            incarnations=first,
+            start_ns=self._state.start_ns,
+        )
         node.receiver.unheard_ns = self._neighbours.unstarted_ns
         for source in self._state.neighbours:
             self._expect(source)
@@ -53,7 +99,7 @@ class Lockstep:
                 self._neighbours.down(source)
         for source, incarnation in run_start.external_kills:
             self._take_external_kill(source, incarnation)
-        self.advance()
+        self.thaw()
 
     def _segments(self, source: str) -> tuple[tuple[int, int, int], ...]:
         link = (source, self._state.name)
@@ -82,8 +128,17 @@ class Lockstep:
         self._neighbours.expect(source, returns)
 
     def now_ns(self) -> int:
-        """Nominal time of the last event."""
-        return 0 if self._not_started() else self._state.now_ns
+        """Nominal time: of the last event, or of the clock where nothing is to be done before."""
+        if self._not_started():
+            return 0
+        if self._clock is None:
+            return self._state.now_ns
+        return max(self._state.now_ns, min(self._clock.now_ns(), self._progress_ns()))
+
+    def _progress_ns(self) -> int:
+        """Every event before this instant has been handled."""
+        heap = self._state.heap
+        return min(self._neighbours.safe_ns(), self._end_ns, heap[0][TIME] if heap else FOREVER_NS)
 
     def put(self, outlet: str, frame: Message) -> None:
         """Keep a frame until the turn is over, when it is known what can be promised with it."""
@@ -110,44 +165,55 @@ class Lockstep:
     def _send(self) -> None:
         """Put the frames of this turn, the last of an outlet with its promise; other outlets get new promises alone.
 
-        Every other frame carries the promise that nothing starts before itself.
+        Every other frame carries the promise that nothing starts before itself. Neighbours that have heard nothing for
+        half of what they may run ahead are told how far this agent has come.
         """
         told, self._told = self._told, self._promise()
         last = {outlet: number for number, (outlet, _) in enumerate(self._outbox)}
         for number, (outlet, frame) in enumerate(self._outbox):
             promise_ns = self._told[outlet] if number == last[outlet] else frame.start_ns
             self._write(outlet, frame._replace(promise_ns=promise_ns))
+            self._shown[outlet] = frame.start_ns
         self._outbox.clear()
+        progress_ns = self._progress_ns()
         for outlet, promise_ns in self._told.items():
-            if promise_ns > told[outlet] and outlet not in last:
+            if (promise_ns > told[outlet] and outlet not in last) or self._owes_progress(outlet, progress_ns):
                 self._send_promise(outlet)
 
+    def _owes_progress(self, outlet: str, time_ns: int) -> bool:
+        return time_ns >= self._shown[outlet] + _CREDIT_NS // 2
+
     def arrived(self, source: str, frame: Message) -> None:
-        """Keep a frame or promise until all neighbours that block progress were heard; called on Zenoh's thread."""
+        """Keep a frame or promise until all that this agent waits for have been heard; called on Zenoh's thread.
+
+        A neighbour that returns is answered at once.
+        """
         self.mail.put(source, frame)
+        wakes = frame.incarnation > self._lives.get(source, 0)
         for blocking in self._blocking:
             if source in blocking:
                 blocking.discard(source)
-                if not blocking:
-                    self._loop.call_soon_threadsafe(self._wake)
+                wakes = wakes or not blocking
+        if wakes:
+            self._loop.call_soon_threadsafe(self._wake)
 
     def advance(self) -> None:
-        """Handle what is safe, then promise.
+        """Handle what is safe and due, promise, and say what to wait for.
 
-        The mail is read again once the blocking neighbours are known: they may have been heard in between. Those that
-        block the next event need not be those that block a further promise.
+        The mail is read again once that is known: it may have come in between.
         """
         while not self._frozen:
             for source, frame, _ in self.mail.take():
                 self._take(source, frame)
             self._handle_safe()
-            self._blocking = [self._unheard(), self._neighbours.blocking()]
+            self._await_next()
             if not self.mail:
                 return
 
     def _take(self, source: str, frame: Message) -> None:
         """Take in a frame or promise; a neighbour that has returned gets the current promise at once."""
         returned = frame.incarnation > 0 and not self._neighbours.knows(source, frame.incarnation)
+        self._lives[source] = frame.incarnation
         if not self._neighbours.heard(source, frame):
             return
         if frame.sequence != PROMISE_ONLY:
@@ -157,19 +223,80 @@ class Lockstep:
 
     def _send_promise(self, outlet: str) -> None:
         self.promises += 1
+        progress_ns = self._shown[outlet] = max(self._shown[outlet], self._progress_ns())
         say = air_promise if outlet == AIR else promise
-        self._write(outlet, say(self._state.incarnation, self._told[outlet], self._node.sender.sent[outlet]))
+        sent = self._node.sender.sent[outlet]
+        self._write(outlet, say(self._state.incarnation, self._told[outlet], sent, progress_ns))
 
     def _handle_safe(self) -> None:
-        node, heap = self._node, self._state.heap
+        heap, triggers = self._state.heap, self._node.triggers()
         safe = self._neighbours.safe_ns()
-        limit = min(safe, self._end_ns)
-        while heap and heap[0][TIME] < limit and not self._unheard():
+        limit = min(safe, self._end_ns, self._neighbours.credit_ns() + _CREDIT_NS)
+        timed = self._clock is None
+        while heap and heap[0][TIME] < limit and self._has_reached(self._due_ns(heap[0], triggers)) and not self._unheard():
             event = heappop(heap)
+            if not timed and _matters(event, triggers):
+                self._note_behind(event[TIME])
+                timed = True
             event[HANDLER](event)
         self._send()
-        if node.state.dead or (safe >= self._end_ns and not (heap and heap[0][TIME] < self._end_ns)):
+        if self._state.dead:
+            self._ended = True
             self._done()
+        elif safe >= self._end_ns and self._has_reached(self._end_ns) and not (heap and heap[0][TIME] < self._end_ns):
+            if not self._ended:
+                self.end_behind_ns = self._behind_ns(self._end_ns)
+            self._ended = True
+            self._done()
+
+    def _has_reached(self, time_ns: int) -> bool:
+        return self._clock is None or self._clock.now_ns() >= time_ns
+
+    def _due_ns(self, event: Event, triggers: Collection[str]) -> int:
+        """When to handle an event.
+
+        Frames go onto the wire a little early, which gives the network time; so what does not matter is early as well.
+        """
+        early = event[RANK] >= OFFER or not _matters(event, triggers)
+        return event[TIME] - self._ahead_ns if early else event[TIME]
+
+    def _behind_ns(self, time_ns: int) -> int:
+        """By how much wall time the clock has passed an instant."""
+        clock = self._clock
+        return 0 if clock is None else max(0, int((clock.now_ns() - time_ns) / clock.speed))
+
+    def _note_behind(self, time_ns: int) -> None:
+        behind_ns = self._behind_ns(time_ns)
+        self.behind_ns = max(self.behind_ns, behind_ns)
+        if len(self.lateness_ns) < LATENESS_KEPT:
+            self.lateness_ns.append(behind_ns)
+
+    def _await_next(self) -> None:
+        """Say who must be heard before the next event that matters is safe; if it is, set the alarm for it.
+
+        Until then nothing that comes changes what this agent does or can promise, but for neighbours whose frames make
+        it act: hearing those that hold it back most allows a further promise.
+        """
+        neighbours, triggers = self._neighbours, self._node.triggers()
+        event = self._next_event(triggers)
+        next_ns = self._end_ns if event is None else min(event[TIME], self._end_ns)
+        owed_ns = min(self._shown.values(), default=FOREVER_NS) + _CREDIT_NS // 2
+        blocking = [self._unheard(), neighbours.blocking(min(next_ns, owed_ns))]
+        if triggers and (safe := neighbours.safe_ns(triggers)) <= next_ns:
+            blocking.append(neighbours.blocking(safe, triggers))
+        if next_ns < self._end_ns and not any(blocking):
+            blocking.append(neighbours.behind(next_ns - _CREDIT_NS + 1))
+        self._blocking = blocking
+        if self._clock is not None and not any(blocking) and not self._ended:
+            due_ns = self._end_ns if event is None else min(self._due_ns(event, triggers), self._end_ns)
+            self._clock.wake_at(min(due_ns, owed_ns))
+
+    def _next_event(self, triggers: Collection[str]) -> Event | None:
+        """The next event that matters."""
+        heap = self._state.heap
+        if not heap or _matters(heap[0], triggers):
+            return heap[0] if heap else None
+        return min((event for event in heap if _matters(event, triggers)), default=None)
 
     def _unheard(self) -> set[str]:
         """Neighbours that may still transmit during the next frame from the air, or while the radio listens."""
@@ -224,4 +351,15 @@ class Lockstep:
         self._node.receiver.external_kill(agent, incarnation)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Stop the clock."""
+        if self._clock is not None:
+            self._clock.close()
+
+    def timing(self) -> dict[str, Any]:
+        """How far behind the clock, in wall time: all of the events that matter, the most, and at the end."""
+        return {"lateness_ns": self.lateness_ns, "behind_ns": self.behind_ns, "end_behind_ns": self.end_behind_ns}
+
+
+def _matters(event: Event, triggers: Collection[str]) -> bool:
+    """Whether an event may make the agent act: frames do not if it acts on samples and timers only."""
+    return not isinstance(event[DATA], Frame) or event[SOURCE] in triggers

@@ -6,25 +6,20 @@ import asyncio
 import time
 from collections.abc import Callable, Iterable
 from heapq import heappop
+from typing import Any
 
 from ..transport.events import FOREVER_NS, HANDLER, OFFER, RANK, TIME, TRANSMIT, Event
 from ..transport.faults import Fault
 from ..transport.frames import PROMISE_ONLY, Message
-from ..transport.timerfd import TimerFd
 from .cpu_hog import Burner
 from .mailbox import Mailbox
 from .node import Node
-from .run_start import Guard, RunStart, Write
+from .run_start import AHEAD_NS, LATENESS_KEPT, Guard, RunStart, Write
+from .wall_clock import WallClock
 
 _GRACE_S = 0.1
 _DRAIN_S = 0.05
 """How long a killed agent still receives what was due before its end."""
-_AHEAD_NS = 8_000_000
-"""How long before its start, on the clock, a frame is put on the wire.
-
-Far less than live faults are announced ahead, and short, so that frames that start later do not delay earlier ones.
-"""
-_LATENESS_KEPT = 50_000
 
 
 class Realtime:
@@ -44,10 +39,9 @@ class Realtime:
         self.promises = 0
         self.lateness_ns: list[int] = []
         self._loop = loop
-        self._speed = speed
         self._done = done
         self._shutdown: asyncio.TimerHandle | None = None
-        self._timer = TimerFd(loop, guard(self.advance))
+        self._clock = WallClock(loop, guard(self.advance), speed)
         self._armed_ns = 0
         self._burner = Burner()
         self._burning = 0.0
@@ -56,9 +50,9 @@ class Realtime:
         """Start the clock."""
         self._node, self._state = node, node.state
         node.receiver.wall_ns = self.now_ns
-        self._epoch_ns = run_start.epoch_ns
+        self._clock.epoch_ns = run_start.epoch_ns
         self._end_ns = run_start.end_ns
-        self._ahead_ns = int(_AHEAD_NS * self._speed)
+        self._ahead_ns = int(AHEAD_NS * self._clock.speed)
         self._early_ns = min(node.state.compute_ns, self._ahead_ns)
         for source, incarnation in run_start.external_kills:
             self.external_kill(source, incarnation)
@@ -66,19 +60,15 @@ class Realtime:
 
     def now_ns(self) -> int:
         """Nominal time by the wall clock."""
-        return self._nominal_ns(time.monotonic_ns())
-
-    def _nominal_ns(self, monotonic_ns: int) -> int:
-        """The nominal instant at an instant of the monotonic clock."""
-        return int((monotonic_ns - self._epoch_ns) * self._speed)
+        return self._clock.now_ns()
 
     def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame until it is due, or wake up earlier for it; called on Zenoh's thread."""
         if frame.sequence == PROMISE_ONLY:
             return
         self.mail.put(source, frame, time.monotonic_ns())
-        if self._armed_ns and (due_ns := self._wall_ns(frame.due_ns)) < self._armed_ns:
-            self._arm_timer(due_ns)
+        if self._armed_ns and frame.due_ns < self._armed_ns:
+            self._arm_timer(frame.due_ns)
 
     def put(self, target: str, frame: Message) -> None:
         """Keep a frame until the turn is over: frames sent together cost fewer wake-ups of Zenoh's threads."""
@@ -89,13 +79,9 @@ class Realtime:
             self._write(target, frame)
         self._outbox.clear()
 
-    def _wall_ns(self, time_ns: int) -> int:
-        """When the monotonic clock reaches a nominal instant."""
-        return self._epoch_ns + int(time_ns / self._speed)
-
-    def _arm_timer(self, wall_ns: int) -> None:
-        self._armed_ns = wall_ns
-        self._timer.set(wall_ns)
+    def _arm_timer(self, time_ns: int) -> None:
+        self._armed_ns = time_ns
+        self._clock.wake_at(time_ns)
 
     def advance(self) -> None:
         """Handle what is due, then sleep until the next event.
@@ -104,17 +90,17 @@ class Realtime:
         """
         while True:
             for source, frame, arrived_ns in self.mail.take():
-                self._node.receiver.receive(source, frame, self._nominal_ns(arrived_ns))
+                self._node.receiver.receive(source, frame, self._clock.nominal_ns(arrived_ns))
             self._arm_timer(self._handle_due())
             if not self.mail:
                 return
 
     def _handle_due(self) -> int:
-        """Handle every event whose time has come; when the next one has, on the monotonic clock."""
+        """Handle every event whose time has come; the nominal instant at which the next one needs attention."""
         node, heap = self._node, self._state.heap
         now = self.now_ns()
         limit, link_limit = min(now, self._end_ns - 1), min(now + self._early_ns, self._end_ns - 1)
-        if heap and heap[0][TIME] <= limit and len(self.lateness_ns) < _LATENESS_KEPT:
+        if heap and heap[0][TIME] <= limit and len(self.lateness_ns) < LATENESS_KEPT:
             self.lateness_ns.append(now - heap[0][TIME])
         while heap and (heap[0][TIME] <= limit or (heap[0][RANK] >= OFFER and heap[0][TIME] <= link_limit)):
             event = heappop(heap)
@@ -127,9 +113,9 @@ class Realtime:
             heappop(heap)
         self._send()
         if heap and heap[0][TIME] < self._end_ns and not node.state.dead:
-            return self._wall_ns(self._wake_for(heap[0], now))
+            return self._wake_for(heap[0], now)
         if self._shutdown is None:
-            remaining_s = max(0.0, (self._end_ns - now) / 1e9 / self._speed)
+            remaining_s = max(0.0, (self._end_ns - now) / 1e9 / self._clock.speed)
             self._shutdown = self._loop.call_later(_DRAIN_S if node.state.dead else remaining_s + _GRACE_S, self._done)
         return FOREVER_NS
 
@@ -183,4 +169,8 @@ class Realtime:
     def close(self) -> None:
         """Stop the timer, and whatever hogs the processor."""
         self._burner.burn(0.0)
-        self._timer.close()
+        self._clock.close()
+
+    def timing(self) -> dict[str, Any]:
+        """By how much later than due events were handled, in nominal time."""
+        return {"lateness_ns": self.lateness_ns}
