@@ -9,18 +9,23 @@ from collections.abc import Callable, Collection, Iterable
 from heapq import heappop
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..transport.events import DATA, FOREVER_NS, HANDLER, OFFER, OVER_NS, RANK, SOURCE, TIME, Event
+from ..transport.events import DATA, FOREVER_NS, HANDLER, OVER_NS, SOURCE, TIME, Event
 from ..transport.faults import Fault, Kill, LinkFault, kills_of
 from ..transport.frames import PROMISE_ONLY, Frame, Message, air_promise, promise
 from ..transport.media_settings import AIR
 from ..transport.promises import NeighbourPromises, lookahead_segments
 from .mailbox import Mailbox
-from .node import Node
-from .run_start import AHEAD_NS, LATENESS_KEPT, Guard, RunStart, Write
+from .node import Node, matters
+from .run_start import LATENESS_KEPT, Guard, RunStart, Write
 
 if TYPE_CHECKING:
     import asyncio
 
+_AHEAD_NS, _SPREAD_NS = 20_000_000, 12_000_000
+"""How long before its start, on the clock, a frame is put on the wire, and how much later than that it may be.
+
+So the frames of some milliseconds cost one wake-up, and the network still has time.
+"""
 _CREDIT_NS = 1_000_000_000
 """How far an agent may run ahead of what a neighbour says to have handled; neighbours say so twice as often."""
 
@@ -59,7 +64,7 @@ class Exact:
         self.mail = Mailbox()
         self.promises = 0
         self.lateness_ns: list[int] = []
-        self.behind_ns = self.end_behind_ns = 0
+        self.behind_ns = self.end_behind_ns = self._lately_behind_ns = 0
         self._loop = loop
         self._write = write
         self._outbox: list[tuple[str, Message]] = []
@@ -67,6 +72,7 @@ class Exact:
         self._frozen = True
         self._ended = False
         self._lives: dict[str, int] = {}
+        self._started_ns = 0
         self._blocking: list[set[str]] = []
         self._wake = guard(self.advance)
         self._clock = None if clock_of is None else clock_of(self._wake)
@@ -74,11 +80,12 @@ class Exact:
     def begin(self, node: Node, run_start: RunStart) -> None:
         """Make the first promises; the node knows the live faults so far."""
         self._node, self._state = node, node.state
+        self._state.part()
         self._end_ns = run_start.end_ns
-        self._ahead_ns = 0
+        self._ahead_ns = self._spread_ns = 0
         if self._clock is not None:
             self._clock.epoch_ns = run_start.epoch_ns
-            self._ahead_ns = int(AHEAD_NS * self._clock.speed)
+            self._ahead_ns, self._spread_ns = (int(ns * self._clock.speed) for ns in (_AHEAD_NS, _SPREAD_NS))
         self._told = dict.fromkeys(node.sender.outlets, 0)
         self._shown = dict.fromkeys(node.sender.outlets, self._state.start_ns)
         self._on_air = [source for source in self._state.neighbours if node.sender.outlet_of[source] == AIR]
@@ -137,8 +144,8 @@ class Exact:
 
     def _progress_ns(self) -> int:
         """Every event before this instant has been handled."""
-        heap = self._state.heap
-        return min(self._neighbours.safe_ns(), self._end_ns, heap[0][TIME] if heap else FOREVER_NS)
+        heads = (heap[0][TIME] for heap in (self._state.heap, self._state.sending) if heap)
+        return min(self._neighbours.safe_ns(), self._end_ns, *heads)
 
     def put(self, outlet: str, frame: Message) -> None:
         """Keep a frame until the turn is over, when it is known what can be promised with it."""
@@ -174,6 +181,7 @@ class Exact:
             promise_ns = self._told[outlet] if number == last[outlet] else frame.start_ns
             self._write(outlet, frame._replace(promise_ns=promise_ns))
             self._shown[outlet] = frame.start_ns
+            self._started_ns = max(self._started_ns, frame.start_ns)
         self._outbox.clear()
         progress_ns = self._progress_ns()
         for outlet, promise_ns in self._told.items():
@@ -229,36 +237,64 @@ class Exact:
         self._write(outlet, say(self._state.incarnation, self._told[outlet], sent, progress_ns))
 
     def _handle_safe(self) -> None:
-        heap, triggers = self._state.heap, self._node.triggers()
+        triggers = self._node.triggers()
         safe = self._neighbours.safe_ns()
         limit = min(safe, self._end_ns, self._neighbours.credit_ns() + _CREDIT_NS)
         timed = self._clock is None
-        while heap and heap[0][TIME] < limit and self._has_reached(self._due_ns(heap[0], triggers)) and not self._unheard():
+        self._transmit_settled()
+        while (heap := self._next_heap()) and heap[0][TIME] < limit and self._may_handle(heap[0], triggers):
             event = heappop(heap)
-            if not timed and _matters(event, triggers):
+            if not timed and matters(event, triggers):
                 self._note_behind(event[TIME])
                 timed = True
             event[HANDLER](event)
+            self._transmit_settled()
         self._send()
         if self._state.dead:
             self._ended = True
             self._done()
-        elif safe >= self._end_ns and self._has_reached(self._end_ns) and not (heap and heap[0][TIME] < self._end_ns):
+        elif safe >= self._end_ns and self._has_reached(self._end_ns) and self._progress_ns() >= self._end_ns:
             if not self._ended:
                 self.end_behind_ns = self._behind_ns(self._end_ns)
             self._ended = True
             self._done()
 
+    def _next_heap(self) -> list[Event]:
+        """The heap with the next event whose turn depends on what is heard: carrier sense does, other starts do not."""
+        heap, sending = self._state.heap, self._state.sending
+        if sending and self._node.sender.contends(sending[0][SOURCE]) and (not heap or sending[0] < heap[0]):
+            return sending
+        return heap
+
+    def _may_handle(self, event: Event, triggers: Collection[str]) -> bool:
+        """Whether the clock has reached an event, and no transmission that decides on it is unheard.
+
+        What does not matter is handled a little early, as it lies before transmissions that are.
+        """
+        due_ns = event[TIME] if matters(event, triggers) else event[TIME] - self._ahead_ns
+        return self._has_reached(due_ns) and not self._unheard(event)
+
+    def _transmit_settled(self) -> None:
+        """Offer and start what nothing that is yet to come can change, on the clock a little early.
+
+        Nothing is put for a neighbour that is yet to return, as its process may not run yet.
+        """
+        sending = self._state.sending
+        if not sending:
+            return
+        settled_ns = self._settled_ns()
+        while sending and sending[0][TIME] < settled_ns and self._has_reached(sending[0][TIME] - self._ahead_ns):
+            if self._node.sender.contends(sending[0][SOURCE]):
+                return
+            event = heappop(sending)
+            event[HANDLER](event)
+
+    def _settled_ns(self) -> int:
+        arrivals_ns = max(self._neighbours.safe_ns(self._node.triggers()), self._state.start_ns)
+        return min(self._node.settled_ns(arrivals_ns), self._neighbours.awaited_ns(), self._end_ns)
+
     def _has_reached(self, time_ns: int) -> bool:
         return self._clock is None or self._clock.now_ns() >= time_ns
-
-    def _due_ns(self, event: Event, triggers: Collection[str]) -> int:
-        """When to handle an event.
-
-        Frames go onto the wire a little early, which gives the network time; so what does not matter is early as well.
-        """
-        early = event[RANK] >= OFFER or not _matters(event, triggers)
-        return event[TIME] - self._ahead_ns if early else event[TIME]
 
     def _behind_ns(self, time_ns: int) -> int:
         """By how much wall time the clock has passed an instant."""
@@ -268,6 +304,7 @@ class Exact:
     def _note_behind(self, time_ns: int) -> None:
         behind_ns = self._behind_ns(time_ns)
         self.behind_ns = max(self.behind_ns, behind_ns)
+        self._lately_behind_ns = max(self._lately_behind_ns, behind_ns)
         if len(self.lateness_ns) < LATENESS_KEPT:
             self.lateness_ns.append(behind_ns)
 
@@ -275,34 +312,48 @@ class Exact:
         """Say who must be heard before the next event that matters is safe; if it is, set the alarm for it.
 
         Until then nothing that comes changes what this agent does or can promise, but for neighbours whose frames make
-        it act: hearing those that hold it back most allows a further promise.
+        it act, and until it has started: hearing those that hold it back most allows a further promise.
         """
         neighbours, triggers = self._neighbours, self._node.triggers()
-        event = self._next_event(triggers)
-        next_ns = self._end_ns if event is None else min(event[TIME], self._end_ns)
+        next_ns = min(self._next_ns(triggers), self._end_ns)
         owed_ns = min(self._shown.values(), default=FOREVER_NS) + _CREDIT_NS // 2
         blocking = [self._unheard(), neighbours.blocking(min(next_ns, owed_ns))]
-        if triggers and (safe := neighbours.safe_ns(triggers)) <= next_ns:
-            blocking.append(neighbours.blocking(safe, triggers))
+        holding = None if self._not_started() else triggers
+        if holding != () and (safe := neighbours.safe_ns(holding)) <= next_ns:
+            blocking.append(neighbours.blocking(safe, holding))
         if next_ns < self._end_ns and not any(blocking):
             blocking.append(neighbours.behind(next_ns - _CREDIT_NS + 1))
         self._blocking = blocking
-        if self._clock is not None and not any(blocking) and not self._ended:
-            due_ns = self._end_ns if event is None else min(self._due_ns(event, triggers), self._end_ns)
-            self._clock.wake_at(min(due_ns, owed_ns))
+        if self._clock is not None and not self._ended:
+            due_ns = FOREVER_NS if any(blocking) else min(next_ns, owed_ns)
+            self._clock.wake_at(min(due_ns, self._next_start_ns()))
 
-    def _next_event(self, triggers: Collection[str]) -> Event | None:
-        """The next event that matters."""
-        heap = self._state.heap
-        if not heap or _matters(heap[0], triggers):
-            return heap[0] if heap else None
-        return min((event for event in heap if _matters(event, triggers)), default=None)
+    def _next_ns(self, triggers: Collection[str]) -> int:
+        """The next event that matters; the next one at all where carrier sense has to be decided."""
+        heap = self._next_heap()
+        if not heap or matters(heap[0], triggers):
+            return heap[0][TIME] if heap else FOREVER_NS
+        return min((event[TIME] for event in heap if matters(event, triggers)), default=FOREVER_NS)
 
-    def _unheard(self) -> set[str]:
-        """Neighbours that may still transmit during the next frame from the air, or while the radio listens."""
-        event = self._state.heap[0] if self._on_air and self._state.heap else None
-        if event is None:
+    def _next_start_ns(self) -> int:
+        """When to wake up for a transmission that is settled, with those of the next milliseconds."""
+        sending = self._state.sending
+        if not sending or self._node.sender.contends(sending[0][SOURCE]) or sending[0][TIME] >= self._settled_ns():
+            return FOREVER_NS
+        return sending[0][TIME] - self._ahead_ns + self._spread_ns
+
+    def _unheard(self, event: Event | None = None) -> set[str]:
+        """Neighbours that may still transmit during a frame from the air, or while the radio listens.
+
+        Of an event, or of the next one.
+        """
+        if not self._on_air:
             return set()
+        if event is None:
+            heap = self._next_heap()
+            if not heap:
+                return set()
+            event = heap[0]
         if self._node.sender.senses(event):
             return self._neighbours.silent_before(event[TIME], self._on_air)
         if not isinstance(event[DATA], Frame) or event[SOURCE] not in self._on_air:
@@ -315,7 +366,7 @@ class Exact:
         if self._not_started():
             return 0
         promised = max((told for told in self._told.values() if told < FOREVER_NS), default=0)
-        return max(promised, self._state.now_ns)
+        return max(promised, self._started_ns, self._state.now_ns)
 
     def thaw(self) -> None:
         """Go on."""
@@ -355,11 +406,11 @@ class Exact:
         if self._clock is not None:
             self._clock.close()
 
+    def take_behind_ns(self) -> int:
+        """The most that it has been behind the clock since the last call, in wall time."""
+        behind_ns, self._lately_behind_ns = self._lately_behind_ns, 0
+        return behind_ns
+
     def timing(self) -> dict[str, Any]:
         """How far behind the clock, in wall time: all of the events that matter, the most, and at the end."""
         return {"lateness_ns": self.lateness_ns, "behind_ns": self.behind_ns, "end_behind_ns": self.end_behind_ns}
-
-
-def _matters(event: Event, triggers: Collection[str]) -> bool:
-    """Whether an event may make the agent act: frames do not if it acts on samples and timers only."""
-    return not isinstance(event[DATA], Frame) or event[SOURCE] in triggers

@@ -7,7 +7,7 @@ comes in; both share its `state`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from operator import itemgetter
 from typing import Any
@@ -23,7 +23,6 @@ from ..transport.events import (
     FAULT,
     FOREVER_NS,
     HANDLER,
-    OFFER,
     OVER_NS,
     RANK,
     SENSE,
@@ -103,6 +102,7 @@ class Node:
         self._rung = (-1, 0)
         self._changes_ns: set[int] = set()
         self._put_on_wire = put
+        self._measuring = frame_measuring(plan.world)
         ether = Ether()
         settings = {target: self._settings(target) for target in self.state.neighbours}
         self.sender = Sender(self.state, plan, settings, ether, self._put)
@@ -437,6 +437,19 @@ class Node:
             return self.state.neighbours
         return tuple(name for name in self.state.wired if name == WORLD)
 
+    def acts_ns(self, arrivals_ns: int) -> int:
+        """The earliest instant at which the agent may act; `arrivals_ns` as for `promises`."""
+        triggers = self.triggers()
+        return min([arrivals_ns, *(event[TIME] for event in self.state.heap if matters(event, triggers))])
+
+    def settled_ns(self, arrivals_ns: int) -> int:
+        """Before this instant nothing that is yet to come changes what the agent transmits, and when.
+
+        What it does takes `compute` to be offered; a fault has its effect at once.
+        """
+        faults = (event[TIME] for event in self.state.heap if event[RANK] == FAULT)
+        return min([self.acts_ns(arrivals_ns) + self.state.compute_ns, *faults])
+
     def promises(self, arrivals_ns: int) -> dict[str, int]:
         """For each outlet the earliest instant at which its next transmission can start; FOREVER_NS if none can.
 
@@ -448,18 +461,15 @@ class Node:
         outlets = self.sender.outlets
         if self.state.dead:
             return dict.fromkeys(outlets, OVER_NS)
-        triggers = self.triggers()
-        acts = arrivals_ns
+        acts = self.acts_ns(arrivals_ns)
         starts, changes = (dict.fromkeys(outlets, FOREVER_NS) for _ in range(2))
+        for event in self.state.sending:
+            if not (event[RANK] == TRANSMIT and self.sender.contends(event[SOURCE])):
+                starts[event[SOURCE]] = min(event[TIME], starts[event[SOURCE]])
         for event in self.state.heap:
-            time_ns, rank = event[TIME], event[RANK]
-            if rank >= OFFER and not (rank == TRANSMIT and self.sender.contends(event[SOURCE])):
-                starts[event[SOURCE]] = min(time_ns, starts[event[SOURCE]])
-            elif rank < OFFER and time_ns < acts and (event[SOURCE] in triggers or not isinstance(event[DATA], Frame)):
-                acts = time_ns
-            if rank == FAULT:
+            if event[RANK] == FAULT:
                 for name in self._changes_access(event):
-                    changes[name] = min(time_ns, changes[name])
+                    changes[name] = min(event[TIME], changes[name])
         ready = {name: min(acts + self.state.compute_ns, start) for name, start in starts.items()}
         return {name: min(start, changes[name]) for name, start in self.sender.earliest_starts(ready).items()}
 
@@ -471,3 +481,8 @@ class Node:
         if not isinstance(fault, LinkFault) or not _ACCESS_FIELDS & fault.changes.keys():
             return ()
         return {self.sender.outlet_of[target] for source, target in fault.links if source == self.state.name}
+
+
+def matters(event: Event, triggers: Collection[str]) -> bool:
+    """Whether an event can make an agent act that frames of `triggers` make act: others than frames always can."""
+    return not isinstance(event[DATA], Frame) or event[SOURCE] in triggers

@@ -274,7 +274,8 @@ class _Shell:
     def _publish(self, batch: Batch) -> None:
         self._batches += 1
         now_ns = 0 if self._node is None else self._pacer.now_ns()
-        self._telemetry.put(msgpack.packb({"number": self._batches, "now_ns": now_ns, **batch.to_dict()}))
+        head = {"number": self._batches, "now_ns": now_ns, "behind_ns": self._pacer.take_behind_ns()}
+        self._telemetry.put(msgpack.packb(head | batch.to_dict()))
 
     def _flush_now_and_then(self) -> None:
         self._flushing = self._loop.call_later(FLUSH_EVERY_S, self._flush_now_and_then)

@@ -85,7 +85,7 @@ class Sender:
         name = self.outlet_of[targets[0]]
         self._count += 1
         ready_ns = self._state.now_ns + self._state.compute_ns
-        self._state.schedule(ready_ns, OFFER, name, self._count, self._on_offer, (targets, payload, stream))
+        self._state.schedule_sending(ready_ns, OFFER, name, self._count, self._on_offer, (targets, payload, stream))
 
     def refuse(self, targets: tuple[str, ...]) -> None:
         """Count a payload over the MTU."""
@@ -117,7 +117,7 @@ class Sender:
 
     def _listen(self, until_ns: int) -> None:
         self._count += 1
-        self._state.schedule(until_ns, TRANSMIT, AIR, self._count, self._on_sensed, None)
+        self._state.schedule_sending(until_ns, TRANSMIT, AIR, self._count, self._on_sensed, None)
 
     def _on_sensed(self, event: Event) -> None:
         contention, now_ns = self.contention, event[TIME]
@@ -129,7 +129,7 @@ class Sender:
             self._contend(contention, now_ns)
         elif contention.start_ns is not None:
             self._count += 1
-            self._state.schedule(contention.start_ns, TRANSMIT, AIR, self._count, self._on_channel_free, None)
+            self._state.schedule_sending(contention.start_ns, TRANSMIT, AIR, self._count, self._on_channel_free, None)
         elif contention.sense_ns is not None:
             self._listen(contention.sense_ns)
 
@@ -191,7 +191,7 @@ class Sender:
         if start is not None and start < self._scheduled.get(name, FOREVER_NS):
             self._scheduled[name] = start
             self._count += 1
-            self._state.schedule(start, TRANSMIT, name, self._count, self._on_transmit, None)
+            self._state.schedule_sending(start, TRANSMIT, name, self._count, self._on_transmit, None)
 
     def _transmit(self, name: str, transmission: Transmission) -> None:
         payload, start, airtime, copies = transmission

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import os
 import shutil
 import signal
@@ -51,11 +52,14 @@ _LOOK_EVERY_S = 0.05
 
 @dataclass(frozen=True)
 class Options:
-    """How to run: engine, pace, speed in nominal seconds per wall second, folder of runs, the hub's endpoint."""
+    """How to run: engine, pace, speed in nominal seconds per wall second, folder of runs, the hub's endpoint.
+
+    Exact pace at speed "max" is lockstep.
+    """
 
     engine: Engine = "zenoh"
-    pace: Pace = "realtime"
-    speed: float = 1.0
+    pace: Pace = "exact"
+    speed: float | Literal["max"] = 1.0
     runs: Path = Path("runs")
     name: str | None = None
     listen: str = "tcp/127.0.0.1:0"
@@ -65,10 +69,21 @@ class Options:
         """Check the bounds."""
         if self.name is not None:
             check_length(Path(self.name).name, LONGEST_RUN, "the run's name")
-        if not self.speed > 0:
-            raise BadInput(f"speed is {self.speed:g}, it must be above 0")
-        if self.speed != 1 and (self.engine, self.pace) != ("zenoh", "realtime"):
-            raise BadInput("speed scales realtime pace only: the twin and lockstep run as fast as they can")
+        if self.speed == "max":
+            if self.pace == "realtime":
+                raise BadInput("realtime pace goes by the wall clock: speed max is for exact pace")
+            object.__setattr__(self, "pace", "lockstep")
+        elif not 0 < self.speed < math.inf:
+            raise BadInput(f"speed is {self.speed:g}, it must be above 0, or max")
+        elif self.speed != 1 and (self.engine == "twin" or self.pace == "lockstep"):
+            raise BadInput("speed scales exact and realtime pace: the twin and lockstep run as fast as they can")
+        if self.pace == "lockstep":
+            object.__setattr__(self, "speed", "max")
+
+    @property
+    def nominal_per_wall(self) -> float:
+        """The speed as a number, infinite where nothing goes by the wall clock."""
+        return math.inf if self.speed == "max" or self.engine == "twin" else self.speed
 
 
 @dataclass(frozen=True)
@@ -206,7 +221,7 @@ def _runs_in_a_loop() -> bool:
 async def _run_swarm(
     plan: Plan, sink: BackgroundSink, folder: Path, options: Options, watch: Watch | None, stop: threading.Event
 ) -> Ending:
-    swarm = Swarm(plan, sink, folder.name, options.pace, options.speed, options.listen)
+    swarm = Swarm(plan, sink, folder.name, options.pace, options.nominal_per_wall, options.listen)
     injector = Injector(swarm)
     control_server = ControlServer(swarm, injector)
     loop = asyncio.get_running_loop()

@@ -14,6 +14,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_origin, get_t
 
 from pydantic import TypeAdapter, ValidationError
 
+from ..agents.process import Pace
 from ..errors import BadInput, VoleryError
 from ..names import did_you_mean
 from .execution import Options
@@ -89,8 +90,8 @@ def run(  # noqa: PLR0913 - all but one by name
     world: str | type | Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
-    pace: Literal["realtime", "lockstep"] = "realtime",
-    speed: float = 1.0,
+    pace: Pace = "exact",
+    speed: float | Literal["max"] = 1.0,
     runs: str | Path = "runs",
     name: str | None = None,
     figures: bool = False,
@@ -121,8 +122,9 @@ def run(  # noqa: PLR0913 - all but one by name
         world: instead of the scenario's, likewise.
         overrides: fields to set, such as "links.loss.bernoulli=0.3"; the last one of a field counts.
         engine: one process per agent over Zenoh, or all agents in this process.
-        pace: by the wall clock, or as fast as the promises of the neighbours allow.
-        speed: seconds of the run per second of the wall clock, in realtime pace.
+        pace: "exact", by the wall clock where the machine keeps up, else time stretches and the result stays the same;
+            "lockstep", likewise but as fast as the machine can; "realtime", by the wall clock come what may.
+        speed: seconds of the run per second of the wall clock, or "max", as fast as the machine can.
         runs: folder of runs.
         name: name of the run's folder; by default time and scenario.
         figures: whether to draw the figures.
@@ -147,8 +149,8 @@ async def run_async(  # noqa: PLR0913 - all but one by name
     world: str | type | Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     engine: Literal["zenoh", "twin"] = "zenoh",
-    pace: Literal["realtime", "lockstep"] = "realtime",
-    speed: float = 1.0,
+    pace: Pace = "exact",
+    speed: float | Literal["max"] = 1.0,
     runs: str | Path = "runs",
     name: str | None = None,
     figures: bool = False,

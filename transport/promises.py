@@ -171,15 +171,19 @@ class NeighbourPromises:
         bounds = self._bounds.values() if sources is None else (self._bounds[source] for source in sources)
         return min(bounds, default=FOREVER_NS)
 
-    def unstarted_ns(self) -> int:
-        """No transmission that is yet unheard starts before this instant, unless there is an intervention."""
+    def awaited_ns(self) -> int:
+        """The earliest expected return of a neighbour that has not been heard since."""
         returns = (
             from_ns
             for source, expected in self._returns.items()
             for incarnation, from_ns in expected
             if not self.knows(source, incarnation)
         )
-        return min([*self._promises.values(), *returns], default=FOREVER_NS)
+        return min(returns, default=FOREVER_NS)
+
+    def unstarted_ns(self) -> int:
+        """No transmission that is yet unheard starts before this instant, unless there is an intervention."""
+        return min([*self._promises.values(), self.awaited_ns()])
 
     def silent_before(self, time_ns: int, sources: Iterable[str]) -> set[str]:
         """Those of the sources that may still start something before an instant."""

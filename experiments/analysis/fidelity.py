@@ -17,6 +17,8 @@ from .accounting import LinkAccount
 _UNITS = {"latency": (1e-6, "ms"), "rate": (1e-3, "kbit/s"), "burst": (1.0, "bit")}
 _PERCENT = (100.0, "%")
 _NAMED = 5
+BEHIND_S = 0.05
+"""A machine that is less behind the wall clock keeps up."""
 _IN_WORDS = {
     "within": "within the bounds",
     "outside": "outside the bounds",
@@ -42,7 +44,8 @@ class Fidelity:
     the worst of all agents. `missing` frames were lost by the middleware, of `contradicted` ones two accounts cannot
     both be true. `late_faults` reached an agent after their instant, agents that `broken_off` names died unasked.
     `outside`: what of the links is outside its bounds, in words; `decisions`: quantity → how many of the links of which
-    any was asked are within their bounds, outside, and so on. `verdict` says it all in words.
+    any was asked are within their bounds, outside, and so on. `verdict` says it all in words. `pace`, of a run in exact
+    pace, says how well the machine kept up with the wall clock; the result does not depend on it.
     """
 
     late: int
@@ -56,6 +59,7 @@ class Fidelity:
     decisions: Mapping[str, Mapping[str, int]]
     verdict: str
     as_asked: bool
+    pace: str = ""
 
 
 def judge(record: Record, accounts: Sequence[LinkAccount], channels: Mapping[str, Channel]) -> Fidelity:
@@ -98,7 +102,34 @@ def judge(record: Record, accounts: Sequence[LinkAccount], channels: Mapping[str
         decisions=_decisions(channels),
         verdict="not as asked: " + "; ".join(found) if found else good,
         as_asked=not found,
+        pace=_pace(record),
     )
+
+
+def _pace(record: Record) -> str:
+    """How well the machine kept up, from what the agents say at their end: the worst of them."""
+    pace, speed = record.info.get("pace"), record.info.get("speed", 1.0)
+    if pace == "lockstep":
+        return "exact; as fast as the machine could"
+    ended = [event for batch in record.batches.values() for event in batch.events if event["event"] == "done"]
+    if pace != "exact" or not ended or record.end_ns is None:
+        return ""
+    most_s, end_s = (max(event[name] for event in ended) / 1e9 for name in ("behind_ns", "end_behind_ns"))
+    if most_s < BEHIND_S:
+        return f"exact; by the wall clock within {max(1, math.ceil(most_s * 1e3))} ms"
+    seconds = record.end_ns / 1e9
+    factor = seconds / (seconds / speed + end_s)
+    advice = f" (try --speed {_slower(factor)})" if end_s >= BEHIND_S else ""
+    return (
+        f"exact; the machine was at most {most_s:.1f} s behind, {end_s:.1f} s at the end: "
+        f"{factor:.2f} × real time{advice}"
+    )
+
+
+def _slower(factor: float) -> str:
+    """A speed a little below a factor of real time, of one digit."""
+    digit = 10.0 ** math.floor(math.log10(factor))
+    return f"{math.floor(0.97 * factor / digit * 10) / 10 * digit:.2g}"
 
 
 def _timers(record: Record) -> Lateness:

@@ -38,7 +38,8 @@ def metrics_tables(metrics: Metrics) -> list[Table]:
     tables += [_frames(metrics), _worst(metrics.links, accounts), _oldest(metrics.links), _airtime(metrics.airtime)]
     open_links = [name for name, link in metrics.links.items() if not link.closes]
     closing = f"the sum of frames does not close on {', '.join(open_links)}" if open_links else _CLOSES
-    verdict = [metrics.fidelity.verdict, closing, *fidelity_lines(metrics.fidelity), *_speed(metrics)]
+    pace = [metrics.fidelity.pace] if metrics.fidelity.pace else []
+    verdict = [*pace, metrics.fidelity.verdict, closing, *fidelity_lines(metrics.fidelity), *_speed(metrics)]
     return [*tables, _table("Fidelity", "", rows=[(line,) for line in verdict])]
 
 

@@ -24,6 +24,8 @@ _SILENT_S = 60.0
 _BAR = 40
 _RATE_OVER_S = 2.0
 _MINUTE, _HOUR = 60, 3600
+_BEHIND_S = 0.05
+"""From here on it is worth saying how far a swarm is behind the wall clock."""
 
 
 class Display:
@@ -128,6 +130,7 @@ def _facts(status: Mapping[str, Any], rate: float) -> str:
         f"{lost:,} lost",
         *(f"{fate} {count:,}" for fate, count in status["discarded"].items()),
         f"{status['late']:,} late",
+        *([f"{status['behind_s']:.1f} s behind"] if status["behind_s"] >= _BEHIND_S else []),
         f"disagreement {'–' if disagreement is None else format(disagreement, '.3g')}",
     ]
     return ", ".join(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -27,8 +27,11 @@ Strict = Annotated[bool, Parameter(help=_STRICT)]
 Detach = Annotated[bool, Parameter(help="Run in the background; the command returns as soon as the swarm runs.")]
 FAILED, NOT_CERTIFIED = 1, 3
 _ENGINE = "zenoh: one process an agent, over Zenoh; twin: all agents in this process, as fast as it can."
-_PACE = "realtime: by the wall clock; lockstep: as fast as the machine can, exact and repeatable. Of engine zenoh."
-_SPEED = "Nominal seconds per second of the wall clock, in realtime pace."
+_PACE = (
+    "exact: by the wall clock where the machine keeps up, else time stretches, and the result is the same; lockstep: "
+    "likewise, as fast as the machine can; realtime: by the wall clock come what may, late frames are counted."
+)
+_SPEED = "Nominal seconds per second of the wall clock; max: as fast as the machine can."
 _NAME = "Name of the run's folder; by default date, time and scenario."
 _LISTEN = "Endpoint of the Zenoh router; port 0 takes a free one."
 
@@ -40,7 +43,7 @@ class RunOptions(Options):
 
     engine: Annotated[Engine, Parameter(help=_ENGINE)] = Options.engine
     pace: Annotated[Pace, Parameter(help=_PACE)] = Options.pace
-    speed: Annotated[float, Parameter(help=_SPEED)] = Options.speed
+    speed: Annotated[float | Literal["max"], Parameter(help=_SPEED)] = Options.speed
     runs: RunsFolder = RUNS
     name: Annotated[str | None, Parameter(help=_NAME)] = Options.name
     listen: Annotated[str, Parameter(help=_LISTEN)] = Options.listen

@@ -1,4 +1,4 @@
-"""What only some paces can do: carrier sense needs nominal time, a hog needs the wall clock."""
+"""What only some paces can do: carrier sense needs promises, a hog needs the wall clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def check_pace(media: Iterable[Medium], faults: Iterable[Fault], *, realtime: bo
     Args:
         media: of links, before faults.
         faults: of a timeline, or live ones.
-        realtime: whether agents follow the wall clock.
+        realtime: whether agents follow the wall clock come what may.
     Raises:
         BadInput: carrier sense in realtime pace, from the start or by a fault, or a hog in another pace.
     """
@@ -25,8 +25,8 @@ def check_pace(media: Iterable[Medium], faults: Iterable[Fault], *, realtime: bo
     )
     if realtime and any(_senses(medium) for medium in (*media, *changed)):
         raise BadInput(
-            "csma listens for what began microseconds ago, which no process can know by the wall clock: "
-            "add --pace lockstep or --engine twin"
+            "csma listens for what began microseconds ago, which no process can know by the wall clock alone: "
+            "leave out --pace realtime"
         )
     hogs = [fault.id for fault in faults if isinstance(fault, Hog)]
     if hogs and not realtime:

@@ -35,8 +35,8 @@ class Fleet:
         plan: the plan.
         sink: receives the entries of the record.
         run: name of the run in the keys.
-        pace: realtime or lockstep.
-        speed: nominal seconds per wall second, in realtime pace.
+        pace: exact, lockstep or realtime.
+        speed: nominal seconds per wall second, in exact and realtime pace.
 
     The lock `intervening` is held while a live fault is armed or an incarnation is started, so that a new incarnation
     knows every fault armed before, and receives every later one. `ready`: all agents have been started. `over`: all
@@ -133,7 +133,7 @@ class Fleet:
     # -- orders to processes, and their incarnations ------------------------------------------------------------------
 
     def now_ns(self) -> int:
-        """Nominal time: by the clock in realtime pace, otherwise the last that agents reported."""
+        """Nominal time: by the clock in realtime pace, else how far the slowest agent has come, as reported."""
         if self.pace == "realtime":
             elapsed_ns = time.monotonic_ns() - self.epoch_ns if self.epoch_ns else 0
             return max(0, int(elapsed_ns * self.speed))
@@ -160,6 +160,10 @@ class Fleet:
         """Agent → process id of its newest incarnation."""
         newest = {name: self.members[self.current(name)].process.pid for name, _ in self.members}
         return {name: pid for name, pid in newest.items() if pid is not None}
+
+    def living(self) -> list[Member]:
+        """The processes of all living agents."""
+        return [self.members[key] for key in self._living.items() if key[0] in self.status.alive]
 
     def is_alive(self, name: str) -> bool:
         """Whether an agent is alive; a process on standby is not."""
@@ -211,7 +215,7 @@ class Fleet:
         failed = self.members[name, incarnation].failed.is_set()
         if not failed and (cause.startswith("ended") or name in {one.name for one in self.plan.world_agents}):
             self.problems.append(f"agent {name} {cause}")
-        if self.pace == "lockstep" and cause.startswith("ended"):
+        if self.pace != "realtime" and cause.startswith("ended"):
             self.over.set()
         elif self.ready.is_set():
             await self.order({"do": "external-kill", "agent": name, "incarnation": incarnation})

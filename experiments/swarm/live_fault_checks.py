@@ -21,7 +21,7 @@ class RunState:
     """State of the run when a live fault is injected.
 
     plan: the plan.
-    pace: realtime or lockstep.
+    pace: exact, lockstep or realtime.
     now_ns: nominal time.
     in_force: id → fault in force.
     alive: living agents.

@@ -82,14 +82,14 @@ class Injector:
         If an agent was too slow they are armed again for a later instant, unless they may have had an effect.
         """
         swarm = self._swarm
-        frozen_ns = await self._freeze() if swarm.pace == "lockstep" else 0
+        frozen_ns = await self._freeze() if swarm.pace != "realtime" else 0
         for _ in range(_TRIES):
-            at_ns = frozen_ns if swarm.pace == "lockstep" else swarm.ahead_ns(self._ahead_s())
+            at_ns = frozen_ns if swarm.pace != "realtime" else swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
             in_time = await self._arm_all(faults, at_ns)
             if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
                 break
-        if swarm.pace == "lockstep":
+        if swarm.pace != "realtime":
             await swarm.order({"do": "thaw"})
         for fault in faults:
             self._sink.event({"event": "fault", "time_ns": at_ns, "fault": encode_value(fault)})
@@ -97,7 +97,7 @@ class Injector:
         return at_ns, faults
 
     async def _freeze(self) -> int:
-        """Freeze all agents, in lockstep pace; the first instant that no agent has reached or promised.
+        """Freeze all agents, in exact pace; the first instant that no agent has reached or promised.
 
         Raises:
             BadInput: there is none, because an agent without a living neighbour does not wait and is at the end.
@@ -113,7 +113,7 @@ class Injector:
         return instant_ns
 
     async def _arm_all(self, faults: Iterable[Fault], instant_ns: int) -> bool:
-        self._swarm.interventions += self._swarm.pace == "lockstep"
+        self._swarm.interventions += self._swarm.pace != "realtime"
         order = {"do": "arm", "faults": [encode_value(fault) for fault in faults], "instant_ns": instant_ns}
         began = time.monotonic()
         answers = await self._swarm.order(order)
@@ -211,7 +211,7 @@ class Injector:
 
     async def _end(self, faults: Sequence[Fault]) -> None:
         """End faults at one instant, with a process on standby for each agent that returns then."""
-        if self._swarm.pace == "lockstep":
+        if self._swarm.pace != "realtime":
             async with self._intervention():
                 until_ns = await self._freeze()
                 await self._end_at(faults, await self._standbys(faults), until_ns)
@@ -233,7 +233,7 @@ class Injector:
         self._faults.update({fault.id: fault for fault in ended})
         for key, kill in revived:
             await swarm.restarts.revive(key, replace(kill, until_ns=until_ns), until_ns)
-        if swarm.pace == "lockstep":
+        if swarm.pace != "realtime":
             await swarm.order({"do": "thaw"})
         elif revived:
             in_time = in_time and swarm.now_ns() <= until_ns

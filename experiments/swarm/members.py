@@ -30,6 +30,8 @@ class Member:
     done: it has reported its regular end.
     stopped_from_outside: it was stopped externally (SIGSTOP).
     batches: number of received journal batches.
+    now_ns: how far its agent had come at the last of them.
+    behind_ns: how far behind the clock it was since the one before, in wall time.
     state: what its agent saves when it is killed by a fault that keeps the state.
     """
 
@@ -42,6 +44,8 @@ class Member:
     done: bool = False
     stopped_from_outside: bool = False
     batches: int = 0
+    now_ns: int = 0
+    behind_ns: int = 0
     state: asyncio.Future[bytes] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
 
     async def cause(self) -> str:

@@ -26,7 +26,7 @@ class Restarts:
         key = (kill.agent, self._incarnation_after(kill))
         fleet.spawn(*key)
         await fleet.joined([key])
-        if fleet.pace == "realtime":
+        if fleet.pace != "lockstep":
             await fleet.order({"do": "rehearse"}, *key)
         return key
 
@@ -50,13 +50,13 @@ class Restarts:
             self._fleet.background(self._at(kill, kill.until_ns))
 
     def comes_back(self, kill: Kill) -> bool:
-        """Whether the agent of a kill has returned or is about to; in lockstep pace scheduled returns always come."""
+        """Whether the agent of a kill has returned or is about to; in exact pace scheduled returns always come."""
         agent = kill.agent
-        due = self._fleet.pace == "lockstep" and any(other.agent == agent for other in self._fleet.returns_due.values())
+        due = self._fleet.pace != "realtime" and any(other.agent == agent for other in self._fleet.returns_due.values())
         return due or agent in self._standing_by or self._fleet.current(agent)[1] >= self._incarnation_after(kill)
 
     async def _at(self, kill: Kill, until_ns: int) -> None:
-        """Restart an agent, in realtime pace from a process on standby; in lockstep pace all agents wait for it."""
+        """Restart an agent, in realtime pace from a process on standby; in exact pace all agents wait for it."""
         fleet = self._fleet
         if fleet.pace == "realtime":
             await asyncio.sleep(max(0.0, (until_ns - fleet.ahead_ns(_STANDBY_S)) / 1e9 / fleet.speed))

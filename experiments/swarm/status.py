@@ -22,6 +22,7 @@ class Status:
     """Present state of a run: fates of frames, late frames, newest estimates, and living agents.
 
     time_ns: nominal time.
+    behind_s: how far the slowest agent was behind the wall clock lately, in exact pace.
     alive: agents with a living process, including the agent of a coupled world.
     faults: id → description of a fault in force.
     used: links on which a frame has been received.
@@ -29,6 +30,7 @@ class Status:
 
     def __init__(self, plan: Plan) -> None:
         self.time_ns = 0
+        self.behind_s = 0.0
         self.alive: set[str] = set()
         self.faults: dict[str, str] = {}
         self.used: set[LinkName] = set()
@@ -91,6 +93,7 @@ class Status:
             "lost": sum(count for fate, count in fates.items() if is_lost(fate)),
             "discarded": {fate: count for fate, count in fates.items() if FATES[fate] is FateClass.DISCARDED},
             "late": self._late,
+            "behind_s": self.behind_s,
             "disagreement": self.disagreement(),
             "faults": self.faults,
         }

@@ -82,7 +82,7 @@ class Swarm(Fleet):
         plan: Plan,
         sink: RecordSink,
         run: str,
-        pace: Pace = "realtime",
+        pace: Pace = "exact",
         speed: float = 1.0,
         listen: str = "tcp/127.0.0.1:0",
     ) -> None:
@@ -134,7 +134,7 @@ class Swarm(Fleet):
         for agent in self.plan.all_agents:
             self.spawn(agent.name, 0)
         await self.joined([(agent.name, 0) for agent in self.plan.all_agents])
-        if self.pace == "realtime":
+        if self.pace != "lockstep":
             await self.order({"do": "rehearse"})
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.all_agents)
         self.epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
@@ -171,10 +171,11 @@ class Swarm(Fleet):
             self._take(msgpack.unpackb(sample.payload.to_bytes()))
 
     def _take(self, data: dict[str, Any]) -> None:
-        number, now_ns = data.pop("number"), data.pop("now_ns")
+        number, now_ns, behind_ns = data.pop("number"), data.pop("now_ns"), data.pop("behind_ns")
         batch = Batch.from_dict(data)
         member = self.members[batch.agent, batch.incarnation]
         self._news.set()
+        member.now_ns, member.behind_ns = now_ns, behind_ns
         member.batches += 1
         if number != member.batches:
             self.problems.append(f"agent {batch.agent}: {number - member.batches} journal batches were lost on the way")
@@ -190,10 +191,17 @@ class Swarm(Fleet):
             elif event["event"] == "crashed":
                 member.failed.set()
                 self.problems.append(event["error"])
-        self.status.time_ns = max(self.status.time_ns, min(now_ns, self.end_ns))
+        self._note_progress()
         if batch:
             self.sink(batch)
         self.check_over()
+
+    def _note_progress(self) -> None:
+        """How far the slowest agent has come that runs, and how far behind the clock the swarm is."""
+        running = [member for member in self.living() if member.now_ns and not member.done]
+        reached_ns = min((member.now_ns for member in running), default=self.status.time_ns)
+        self.status.time_ns = max(self.status.time_ns, min(reached_ns, self.end_ns))
+        self.status.behind_s = max((member.behind_ns for member in running), default=0) / 1e9
 
     def _token_changed(self, samples: list[zs.Sample]) -> None:
         for sample in samples:

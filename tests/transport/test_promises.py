@@ -67,16 +67,28 @@ def test_an_agent_may_go_as_far_as_the_least_promise() -> None:
 
 
 def test_who_blocks_must_be_heard() -> None:
-    """Those, and only those, whose promises the limit rests on: it cannot grow before all have promised more."""
+    """Those, and only those, on whose promises it rests whether an instant is safe."""
     promises = NeighbourPromises("2", dict.fromkeys("134", ((0, 2 * FOREVER_NS, 100),)))
-    assert promises.blocking() == {"1", "3", "4"}
+    assert promises.blocking(100) == {"1", "3", "4"}
     promises.heard("1", promise(0, 50, 0))
     promises.heard("3", promise(0, 20, 0))
     promises.heard("4", promise(0, 20, 0))
-    assert promises.blocking() == {"3", "4"}
+    assert (promises.blocking(119), promises.blocking(120), promises.blocking(150)) == (set(), {"3", "4"}, {*"134"})
+    assert promises.blocking(120, {"1", "3"}) == {"3"}
     promises.heard("3", promise(0, 30, 0))
-    assert (promises.blocking(), promises.safe_ns()) == ({"4"}, 120)
-    assert NeighbourPromises("1", {}).blocking() == set()
+    assert (promises.blocking(120), promises.safe_ns()) == ({"4"}, 120)
+    assert NeighbourPromises("1", {}).blocking(FOREVER_NS) == set()
+
+
+def test_who_has_handled_what() -> None:
+    """Credit is what the slowest living neighbour says to have handled; frames say so too, the dead say nothing."""
+    promises = NeighbourPromises("2", dict.fromkeys("134", ((0, 2 * FOREVER_NS, 100),)), start_ns=10)
+    assert (promises.credit_ns(), promises.behind(11)) == (10, {"1", "3", "4"})
+    promises.heard("1", promise(0, 50, 0, 40))
+    promises.heard("3", sent(0, 70)._replace(start_ns=60))
+    assert (promises.credit_ns(), promises.behind(60)) == (10, {"1", "4"})
+    promises.down("4")
+    assert (promises.credit_ns(), promises.behind(60)) == (40, {"1"})
 
 
 def test_without_neighbours_there_is_no_limit() -> None:

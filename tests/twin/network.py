@@ -1,8 +1,8 @@
 """An in-memory network for exact pace: the real pacers without processes, and a wire that delivers when it pleases.
 
 Every pacer runs its node as in a process of its own. The network keeps order on each link, as one subscriber does, and
-nothing else: which link delivers next, how many of its frames at once, when a woken agent wakes up, and how far the wall
-clock goes meanwhile, if there is one, is drawn.
+nothing else: which link delivers next, how many of its frames at once, when a woken agent wakes up, and how far the
+wall clock goes meanwhile, if there is one, is drawn.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from volery.agents.node import Node
 from volery.agents.plan import Plan
 from volery.agents.run_start import RunStart
 from volery.experiments.record.record import Collector, Record
+from volery.transport.events import FOREVER_NS
 from volery.transport.faults import Fault, Kill, kills_of
 from volery.transport.frames import PROMISE_ONLY, Message, decode, encode
 from volery.transport.media_settings import AIR
@@ -43,8 +44,8 @@ class Alarm:
         return self._network.now_ns
 
     def wake_at(self, time_ns: int) -> None:
-        """Set the alarm."""
-        self.time_ns = time_ns
+        """Set the alarm, or none."""
+        self.time_ns = time_ns if time_ns < FOREVER_NS else None
 
     def ring(self) -> Callable[[], None]:
         """It rings, and has to be set again."""

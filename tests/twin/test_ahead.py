@@ -20,7 +20,7 @@ from volery.transport.links import LinkSettings, Queue
 from volery.transport.media_settings import HalfDuplex, SlottedAloha
 
 from ..surroundings import seeds
-from .test_lockstep import assert_equal
+from .test_exact_pace import assert_equal
 
 MS = 1_000_000
 SEEDS = range(30)

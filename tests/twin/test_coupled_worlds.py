@@ -29,7 +29,7 @@ from volery.transport.loss_settings import Bernoulli
 from ..surroundings import seeds
 from .carts import CartWorld, Driver, SteadyDriver
 from .network import Network
-from .test_lockstep import assert_equal
+from .test_exact_pace import assert_equal
 
 MS = 1_000_000
 Twin = Callable[[Plan], Record]

@@ -10,8 +10,8 @@ import pytest
 
 from volery.agents.journal import Arrived, Heard
 from volery.agents.node import Node
-from volery.agents.realtime_pace import Realtime
 from volery.agents.plan import AgentPlan, Plan
+from volery.agents.realtime_pace import Realtime
 from volery.agents.run_start import RunStart
 from volery.kinds import NoParameters
 from volery.transport.faults import LinkFault
