@@ -129,7 +129,7 @@ def _pace(record: Record) -> str:
 def _slower(factor: float) -> str:
     """A speed a little below a factor of real time, of one digit."""
     digit = 10.0 ** math.floor(math.log10(factor))
-    return f"{math.floor(0.97 * factor / digit * 10) / 10 * digit:.2g}"
+    return f"{math.floor(0.97 * factor / digit) * digit:.1g}"
 
 
 def _timers(record: Record) -> Lateness:

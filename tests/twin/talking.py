@@ -84,6 +84,19 @@ class Talker(Agent):
         self.note(frame.source, frame.payload, frame.time_ns)
 
 
+class Listener(Talker):
+    """Never sends anything, and reports whenever it has heard something."""
+
+    def start(self) -> None:
+        """Begin with nothing, and without timers."""
+        self.sum = 0
+
+    def on_frame(self, frame: Received) -> None:
+        """Note it."""
+        super().on_frame(frame)
+        self.context.report("sum", [float(self.sum)], -1)
+
+
 class Answerer(Talker):
     """A talker that answers: at once to most frames, after a while to the rest."""
 

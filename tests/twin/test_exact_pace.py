@@ -23,6 +23,7 @@ from volery.transport.media_settings import Aloha, FullDuplex, HalfDuplex, Tdma
 
 from ..surroundings import seeds
 from .network import Network
+from .talking import TalkerParameters
 
 MS = 1_000_000
 
@@ -100,6 +101,26 @@ def test_graphs_that_change_in_lockstep_equal_the_twin(
     for (name, _), batch in record.batches.items():
         absent = [sent for sent in batch.sent if not plan.is_present((name, sent.target), sent.start_ns)]
         assert {sent.verdict for sent in absent} <= {CUT}
+
+
+@pytest.mark.parametrize("clocked", [False, True])
+def test_nobody_runs_away_from_a_slow_receiver(
+    clocked: bool, plan_of: Any, talker: Any, twin_run: Callable[[Plan], Record]
+) -> None:
+    """A node of 100 Hz, which its receiver does not hold back, stays within a second of what that has handled."""
+    plan = plan_of(["12"], talker, duration_ms=5000, parameters={"1": TalkerParameters(100.0)})
+    node, listener = plan.agents
+    plan = replace(plan, agents=(node, replace(listener, kind="tests.twin.talking:Listener")))
+    network = Network(plan, 3, clocked=clocked)
+    network.start()
+    most, more = 0, True
+    while more:
+        ahead = network.nodes["1"].state.now_ns - network.nodes["2"].state.now_ns
+        assert ahead < 1100 * MS  # a second of credit, and what the listener has heard last
+        most = max(most, len(network.wire("1", "2")))
+        more = network.deliver()
+    assert most <= 101
+    assert_equal(network.finish(), twin_run(plan))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -27,6 +27,7 @@ def shown(console: Console, clock: Iterator[float]) -> str:
                     "lost": step,
                     "discarded": {"queue": 2000} if step > 10 else {},
                     "late": 0,
+                    "behind_s": 0.26 if step > 10 else 0.04,
                     "disagreement": 0.01234 if step > 1 else None,
                     "faults": {"t1": "cut 4–7"} if step > 10 else {},
                 }
@@ -44,7 +45,7 @@ def test_lines_where_the_output_is_no_terminal() -> None:
     assert lines[4] == (
         f"5.0 of 10 s: 15 of 16 agents alive, 1,000 frames ({rate}), 10 lost, 0 late, disagreement 0.0123"
     )
-    assert lines[5].endswith("12 lost, queue 2,000, 0 late, disagreement 0.0123; in force: t1: cut 4–7")
+    assert lines[5].endswith("12 lost, queue 2,000, 0 late, 0.3 s behind, disagreement 0.0123; in force: t1: cut 4–7")
 
 
 def test_no_minute_of_a_slow_run_is_silent() -> None:

@@ -56,7 +56,7 @@ def test_bad_input_is_raised_and_leaves_nothing(volery: Volery) -> None:
         package.run({**fields, "durations": "1 s"}, engine="twin")
     with pytest.raises(BadInput, match=r"world: <object object at .*> has no place in a scenario"):
         package.run({**fields, "world": object()}, engine="twin")
-    with pytest.raises(BadInput, match="realtime pace only"):
+    with pytest.raises(BadInput, match="the twin and lockstep run as fast as they can"):
         package.run(fields, engine="twin", speed=2)
     with pytest.raises(BadInput, match="it is not the folder of a run"):
         package.load("runs/none")

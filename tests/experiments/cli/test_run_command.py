@@ -55,7 +55,7 @@ def test_run_ends_with_metrics_verdict_and_folder(volery: Volery) -> None:
         (["short.yaml", "--set", "agents.estimator=mean"], "agents.estimator"),
         (["short.yaml", "--set", "faults.0.cut=1-99"], "there is no agent '99'"),
         (["short.yaml", "--speed", "0"], "it must be above 0"),
-        (["short.yaml", "--speed", "2"], "realtime pace only"),
+        (["short.yaml", "--speed", "2"], "the twin and lockstep run as fast as they can"),
         (["short.yaml", "--detach"], "--detach is for swarms over Zenoh"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
