@@ -110,7 +110,7 @@ def test_pure_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Record
     assert through == pytest.approx(math.exp(-2 * load), rel=0.3)
 
 
-@pytest.mark.parametrize("load", [0.3, 1.0, pytest.param(2.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("load", [0.3, *(pytest.param(load, marks=pytest.mark.long) for load in (1.0, 2.0))])
 def test_slotted_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Record]) -> None:
     """N leaves that send in each slot with probability p: S = N·p·(1 − p)^(N−1), which tends to G·e^(−G)."""
     chance = load / LEAVES
@@ -120,7 +120,7 @@ def test_slotted_aloha(load: float, plan_of: Any, twin_run: Callable[[Plan], Rec
     assert_mean(heard, load * (1 - chance) ** (LEAVES - 1))
 
 
-@pytest.mark.parametrize("load", [0.5, 2.0, 6.0])
+@pytest.mark.parametrize("load", [0.5, 2.0, pytest.param(6.0, marks=pytest.mark.long)])
 def test_carrier_sense_without_backoff(load: float, plan_of: Any, twin_run: Callable[[Plan], Record]) -> None:
     """Non-persistent CSMA (Kleinrock and Tobagi 1975, (9)), with the time that listening takes.
 
