@@ -227,8 +227,10 @@ class Injector:
     async def _end_at(
         self, faults: Sequence[Fault], revived: Sequence[tuple[tuple[str, int], Kill]], until_ns: int
     ) -> None:
+        """End faults at an instant; those that are over by then, as the run may know later, stay as they were."""
         swarm = self._swarm
-        ended = [replace(fault, until_ns=until_ns) for fault in faults]
+        lasting = (fault for fault in faults if fault.until_ns is None or fault.until_ns > until_ns)
+        ended = [replace(fault, until_ns=until_ns) for fault in lasting]
         in_time = await self._arm_all(ended, until_ns)
         self._faults.update({fault.id: fault for fault in ended})
         for key, kill in revived:
