@@ -72,7 +72,8 @@ class Exact:
         self._frozen = True
         self._ended = False
         self._lives: dict[str, int] = {}
-        self._started_ns = 0
+        self._handled_ns = self._started_ns = 0
+        self._barrier_ns = FOREVER_NS
         self._blocking: list[set[str]] = []
         self._wake = guard(self.advance)
         self._clock = None if clock_of is None else clock_of(self._wake)
@@ -99,7 +100,8 @@ class Exact:
             incarnations=first,
             start_ns=self._state.start_ns,
         )
-        node.receiver.unheard_ns = self._neighbours.unstarted_ns
+        # a live fault may revoke promises from the own present on
+        node.receiver.unheard_ns = lambda: min(self._neighbours.unstarted_ns(), self._state.now_ns)
         for source in self._state.neighbours:
             self._expect(source)
             if self._is_down(source):
@@ -145,7 +147,7 @@ class Exact:
     def _progress_ns(self) -> int:
         """Every event before this instant has been handled."""
         heads = (heap[0][TIME] for heap in (self._state.heap, self._state.sending) if heap)
-        return min(self._neighbours.safe_ns(), self._end_ns, *heads)
+        return min(self._neighbours.safe_ns(), self._end_ns, self._barrier_ns, *heads)
 
     def put(self, outlet: str, frame: Message) -> None:
         """Keep a frame until the turn is over, when it is known what can be promised with it."""
@@ -161,7 +163,7 @@ class Exact:
             if promise_ns < FOREVER_NS:
                 promises[outlet] = max(min(promise_ns, self._end_ns), self._told[outlet])
             elif promise_ns < OVER_NS:
-                promises[outlet] = self._neighbours.forever_ns()
+                promises[outlet] = FOREVER_NS
         return promises
 
     def _not_started(self) -> bool:
@@ -176,10 +178,11 @@ class Exact:
         half of what they may run ahead are told how far this agent has come.
         """
         told, self._told = self._told, self._promise()
+        known = len(self._neighbours.interventions)
         last = {outlet: number for number, (outlet, _) in enumerate(self._outbox)}
         for number, (outlet, frame) in enumerate(self._outbox):
             promise_ns = self._told[outlet] if number == last[outlet] else frame.start_ns
-            self._write(outlet, frame._replace(promise_ns=promise_ns))
+            self._write(outlet, frame._replace(promise_ns=promise_ns, interventions=known))
             self._shown[outlet] = frame.start_ns
             self._started_ns = max(self._started_ns, frame.start_ns)
         self._outbox.clear()
@@ -233,13 +236,13 @@ class Exact:
         self.promises += 1
         progress_ns = self._shown[outlet] = max(self._shown[outlet], self._progress_ns())
         say = air_promise if outlet == AIR else promise
-        sent = self._node.sender.sent[outlet]
-        self._write(outlet, say(self._state.incarnation, self._told[outlet], sent, progress_ns))
+        sent, known = self._node.sender.sent[outlet], len(self._neighbours.interventions)
+        self._write(outlet, say(self._state.incarnation, self._told[outlet], sent, progress_ns, known))
 
     def _handle_safe(self) -> None:
         triggers = self._node.triggers()
         safe = self._neighbours.safe_ns()
-        limit = min(safe, self._end_ns, self._neighbours.credit_ns() + _CREDIT_NS)
+        limit = min(safe, self._end_ns, self._barrier_ns, self._neighbours.credit_ns() + _CREDIT_NS)
         timed = self._clock is None
         self._transmit_settled()
         while (heap := self._next_heap()) and heap[0][TIME] < limit and self._may_handle(heap[0], triggers):
@@ -247,6 +250,7 @@ class Exact:
             if not timed and matters(event, triggers):
                 self._note_behind(event[TIME])
                 timed = True
+            self._handled_ns = event[TIME]
             event[HANDLER](event)
             self._transmit_settled()
         self._send()
@@ -291,7 +295,8 @@ class Exact:
 
     def _settled_ns(self) -> int:
         arrivals_ns = max(self._neighbours.safe_ns(self._node.triggers()), self._state.start_ns)
-        return min(self._node.settled_ns(arrivals_ns), self._neighbours.awaited_ns(), self._end_ns)
+        settled_ns = self._node.settled_ns(arrivals_ns)
+        return min(settled_ns, self._neighbours.awaited_ns(), self._end_ns, self._barrier_ns)
 
     def _has_reached(self, time_ns: int) -> bool:
         return self._clock is None or self._clock.now_ns() >= time_ns
@@ -325,8 +330,9 @@ class Exact:
             blocking.append(neighbours.behind(next_ns - _CREDIT_NS + 1))
         self._blocking = blocking
         if self._clock is not None and not self._ended:
-            due_ns = FOREVER_NS if any(blocking) else min(next_ns, owed_ns)
-            self._clock.wake_at(min(due_ns, self._next_start_ns()))
+            due_ns = min(next_ns, owed_ns)
+            waits = any(blocking) or due_ns >= self._barrier_ns
+            self._clock.wake_at(min(FOREVER_NS if waits else due_ns, self._next_start_ns()))
 
     def _next_ns(self, triggers: Collection[str]) -> int:
         """The next event that matters; the next one at all where carrier sense has to be decided."""
@@ -361,16 +367,23 @@ class Exact:
         return self._neighbours.silent_before(event[DATA].start_ns + event[DATA].airtime_ns, self._on_air)
 
     def freeze(self) -> int:
-        """Handle nothing until `thaw`; the instant that no event handled and no promise given has passed."""
+        """Handle nothing until `thaw`; the last instant at which something was handled or transmitted."""
         self._frozen = True
-        if self._not_started():
-            return 0
-        promised = max((told for told in self._told.values() if told < FOREVER_NS), default=0)
-        return max(promised, self._started_ns, self._state.now_ns)
+        return self._passed_ns()
+
+    def _passed_ns(self) -> int:
+        return 0 if self._not_started() else max(self._started_ns, self._handled_ns, self._state.now_ns)
+
+    def prepare(self, instant_ns: int) -> bool:
+        """Handle nothing from an instant on until `arm` or `thaw`; whether nothing of that was handled already."""
+        if self._passed_ns() >= instant_ns:
+            return False
+        self._barrier_ns = instant_ns
+        return True
 
     def thaw(self) -> None:
         """Go on."""
-        self._frozen = False
+        self._frozen, self._barrier_ns = False, FOREVER_NS
         self.advance()
 
     def end_at(self, instant_ns: int) -> bool:
@@ -379,17 +392,22 @@ class Exact:
         return instant_ns > self._state.now_ns
 
     def arm(self, faults: Iterable[Fault], instant_ns: int) -> bool:
-        """Arm live faults while frozen; their instant lies beyond every promise."""
-        in_time = instant_ns > self._state.now_ns or self._not_started()
+        """Arm live faults, frozen or prepared for their instant; whether nothing beyond it was handled.
+
+        All promises end there, the own ones too, unless they are those of the dead.
+        """
+        in_time = instant_ns > self._passed_ns()
         for fault in faults:
             self._node.arm(fault)
         self._neighbours.intervene(instant_ns)
         for outlet, told in self._told.items():
-            if FOREVER_NS <= told < OVER_NS:
-                self._told[outlet] = instant_ns
+            if told < OVER_NS:
+                self._told[outlet] = min(told, instant_ns)
         for source in self._state.neighbours:
             self._neighbours.relink(source, self._segments(source))
             self._expect(source)
+        self._barrier_ns = FOREVER_NS
+        self.advance()
         return in_time
 
     def external_kill(self, agent: str, incarnation: int) -> None:

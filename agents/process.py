@@ -44,7 +44,7 @@ FLUSH_EVERY_S = 0.2
 _YOUNG_GARBAGE, _ALL_GARBAGE, _ALL_EVERY = 1, 2, 50
 _REHEARSAL_NS = 200_000_000
 _ORDERS_LIMIT = 1_000
-_NEEDS_NODE = {"arm", "external-kill", "freeze", "thaw", "end"}
+_NEEDS_NODE = {"arm", "external-kill", "freeze", "prepare", "thaw", "end"}
 """Orders without effect on a process on standby: it is told everything when its incarnation starts."""
 Pace = Literal["exact", "lockstep", "realtime"]
 """Lockstep is exact pace without a clock."""
@@ -193,12 +193,13 @@ class _Shell:
             "arm": self._arm,
             "external-kill": self._external_kill,
             "freeze": self._pacer.freeze,
+            "prepare": self._pacer.prepare,
             "thaw": self._pacer.thaw,
             "end": self._end,
             "stop": self._stop,
         }
         if self._node is None and do in _NEEDS_NODE:
-            return True if do == "arm" else 0
+            return True if do in ("arm", "prepare") else 0
         return orders[do](**order)
 
     def _rehearse(self) -> bool:
@@ -244,7 +245,8 @@ class _Shell:
             node.arm(decode_value(fault))
         self._node = node
         kills = tuple((name, incarnation) for name, incarnation in run_start.pop("external_kills"))
-        self._pacer.begin(node, RunStart(external_kills=kills, **run_start))
+        instants = tuple(run_start.pop("interventions"))
+        self._pacer.begin(node, RunStart(external_kills=kills, interventions=instants, **run_start))
         return True
 
     def _external_kill(self, agent: str, incarnation: int) -> bool:

@@ -159,6 +159,10 @@ class Realtime:
         """The instant that no event handled so far has passed; wall time cannot be frozen."""
         return max(self.now_ns() + self._ahead_ns, self._state.now_ns)
 
+    def prepare(self, instant_ns: int) -> bool:
+        """Whether an instant is still to come; wall time does not wait for it."""
+        return instant_ns > self.freeze()
+
     def thaw(self) -> None:
         """Nothing was frozen."""
 

@@ -24,11 +24,12 @@ Guard = Callable[[Callable[[], None]], Callable[[], None]]
 class RunStart:
     """What an agent is told of the run that it joins.
 
-    epoch_ns: nominal time 0 on the monotonic clock. end_ns: nominal end. interventions: their number so far.
+    epoch_ns: nominal time 0 on the monotonic clock. end_ns: nominal end. interventions: instants of the live
+    faults so far.
     external_kills: agents and incarnations that were killed externally.
     """
 
     epoch_ns: int
     end_ns: int
-    interventions: int = 0
+    interventions: tuple[int, ...] = ()
     external_kills: tuple[tuple[str, int], ...] = ()

@@ -1,4 +1,4 @@
-"""Live faults: from the command to their effect on every link at one nominal instant, 50 agents in realtime pace."""
+"""Live faults: from the command to their effect on every link at one nominal instant, 50 agents in exact pace."""
 
 from __future__ import annotations
 

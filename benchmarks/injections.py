@@ -24,7 +24,7 @@ _RUN = "bench"
 
 
 def latency(agents: int, degree: int, rate: float, faults: int) -> dict[str, float]:
-    """Milliseconds from the call to the instant of effect, for consecutive cuts of all links in realtime pace.
+    """Milliseconds from the call to the instant of effect, for consecutive cuts of all links in exact pace.
 
     `stray`: frames that were cut outside of a fault, or delivered during one; `late`: late faults.
     """

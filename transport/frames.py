@@ -18,7 +18,7 @@ from ..errors import VoleryError
 from .links import DELIVERED
 from .propagation import Copy
 
-VERSION = 3
+VERSION = 4
 _HEAD = struct.Struct("<BI")
 
 
@@ -32,6 +32,7 @@ class Frame(NamedTuple):
     `promise_ns`: no later frame of this link starts before this instant; None without a promise. The start of a promise
     without a frame is the instant before which its sender has handled everything.
     `sent`: number of frames of this link and incarnation put so far, including this one. `copy` is 1 for a duplicate.
+    `interventions`: how many live faults its sender knew of.
     """
 
     incarnation: int
@@ -44,13 +45,14 @@ class Frame(NamedTuple):
     sent: int
     promise_ns: int | None
     copy: int = 0
+    interventions: int = 0
 
 
 class AirFrame(NamedTuple):
     """A radio's transmission to all its neighbours, or a promise without one (`sequence` is then −1).
 
     `sequence` counts the radio's transmissions. `copies`: target → its arrivals. `shaded`: the neighbours that do not
-    hear it, because their link is cut or not present. `sent` and `promise_ns` as in `Frame`.
+    hear it, because their link is cut or not present. `sent`, `promise_ns` and `interventions` as in `Frame`.
     """
 
     incarnation: int
@@ -62,6 +64,7 @@ class AirFrame(NamedTuple):
     promise_ns: int | None
     copies: Mapping[str, tuple[Copy, ...]]
     shaded: tuple[str, ...]
+    interventions: int = 0
 
     @property
     def due_ns(self) -> int:
@@ -93,14 +96,14 @@ Message = Frame | AirFrame
 PROMISE_ONLY = -1
 
 
-def promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0) -> Frame:
+def promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0, interventions: int = 0) -> Frame:
     """A promise without a frame, from an agent that has handled everything before `progress_ns`."""
-    return Frame(incarnation, PROMISE_ONLY, progress_ns, 0, 0, "", b"", sent, promise_ns)
+    return Frame(incarnation, PROMISE_ONLY, progress_ns, 0, 0, "", b"", sent, promise_ns, 0, interventions)
 
 
-def air_promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0) -> AirFrame:
+def air_promise(incarnation: int, promise_ns: int, sent: int, progress_ns: int = 0, interventions: int = 0) -> AirFrame:
     """A radio's promise without a transmission, to all its neighbours."""
-    return AirFrame(incarnation, PROMISE_ONLY, progress_ns, 0, b"", sent, promise_ns, {}, ())
+    return AirFrame(incarnation, PROMISE_ONLY, progress_ns, 0, b"", sent, promise_ns, {}, (), interventions)
 
 
 def encode(frame: Message) -> bytes:

@@ -52,7 +52,8 @@ class NeighbourPromises:
     Args:
         name: the agent.
         segments: neighbour → lookahead of the link from it over time.
-        interventions: number of interventions in the run so far.
+        interventions: instants of the live faults of the run so far, in their order; each is beyond all that was
+            handled when it was chosen, so that promises hold until then and no further.
         incarnations: for an agent that joins a running swarm: neighbour → its first incarnation that counts. The first
             message of that says how many frames came before.
         start_ns: when the agent starts; its neighbours are taken to have come as far.
@@ -62,14 +63,15 @@ class NeighbourPromises:
         self,
         name: str,
         segments: Mapping[str, tuple[Segment, ...]],
-        interventions: int = 0,
+        interventions: Iterable[int] = (),
         *,
         incarnations: Mapping[str, int] | None = None,
         start_ns: int = 0,
     ) -> None:
         first = None if incarnations else 0
         self._name = name
-        self.interventions = interventions
+        self.interventions = list(interventions)
+        self._given = dict.fromkeys(segments, 0)
         self._segments = dict(segments)
         self._promises = dict.fromkeys(segments, 0)
         self._received: dict[str, int | None] = dict.fromkeys(segments, first)
@@ -96,7 +98,7 @@ class NeighbourPromises:
             self._received[source] = None if known is None else 0
             self._incarnations[source] = message.incarnation
             self._promises[source] = 0
-            self._progress[source] = 0
+            self._progress[source] = self._given[source] = 0
         self._progress[source] = max(self._progress[source], message.start_ns)
         received = self._received[source]
         if received is None:
@@ -106,18 +108,23 @@ class NeighbourPromises:
         self._received[source] = received
         if received != message.sent:
             raise FrameMissing(f"link {source}>{self._name}: {message.sent} frames were sent, {received} have come")
-        if message.promise_ns is not None and self._is_valid(message.promise_ns):
-            self._promises[source] = max(self._promises[source], message.promise_ns)
+        if message.promise_ns is not None:
+            self._take_promise(source, message.promise_ns, message.interventions)
         self._update_bound(source)
         return True
 
-    def _is_valid(self, promise_ns: int) -> bool:
-        """Whether a promise is still valid: one for ever is until the next intervention, that of the dead always."""
-        return promise_ns < FOREVER_NS or promise_ns - FOREVER_NS >= self.interventions
+    def _take_promise(self, source: str, promise_ns: int, given: int) -> None:
+        """Note a promise that was given with so many interventions known; that of the dead holds through all.
 
-    def forever_ns(self) -> int:
-        """The promise for ever; it carries the number of interventions when it was given."""
-        return FOREVER_NS + self.interventions
+        One that knows of an intervention which is not known here yet takes the place of all before.
+        """
+        if promise_ns < OVER_NS:
+            promise_ns = min([promise_ns, *self.interventions[given:]])
+        if given > max(self._given[source], len(self.interventions)):
+            self._promises[source] = promise_ns
+        else:
+            self._promises[source] = max(self._promises[source], promise_ns)
+        self._given[source] = max(self._given[source], given)
 
     def knows(self, source: str, incarnation: int) -> bool:
         """Whether an incarnation of a neighbour has been heard."""
@@ -153,10 +160,10 @@ class NeighbourPromises:
             self.expect(source, self._returns[source])
 
     def intervene(self, instant_ns: int) -> None:
-        """Note an intervention at an instant that no agent has passed, which ends the validity of promises for ever."""
-        self.interventions += 1
+        """Note an intervention at an instant that no agent has passed: promises that do not know of it end there."""
+        self.interventions.append(instant_ns)
         for source, promise_ns in self._promises.items():
-            if FOREVER_NS <= promise_ns < OVER_NS:
+            if instant_ns < promise_ns < OVER_NS and self._given[source] < len(self.interventions):
                 self._promises[source] = instant_ns
                 self._update_bound(source)
 

@@ -57,7 +57,7 @@ class Fleet:
         self.session: zs.Session
         self.loop: asyncio.AbstractEventLoop
         self.live_faults: dict[str, Fault] = {fault.id: fault for fault in plan.faults}
-        self.interventions = 0
+        self.interventions: list[int] = []
         self.intervening = asyncio.Lock()
         self.external_kills: set[tuple[str, int]] = set()
         self.returns_due: dict[str, Kill] = {}
@@ -134,14 +134,12 @@ class Fleet:
 
     def now_ns(self) -> int:
         """Nominal time: by the clock in realtime pace, else how far the slowest agent has come, as reported."""
-        if self.pace == "realtime":
-            elapsed_ns = time.monotonic_ns() - self.epoch_ns if self.epoch_ns else 0
-            return max(0, int(elapsed_ns * self.speed))
-        return self.status.time_ns
+        return self.ahead_ns(0.0) if self.pace == "realtime" else self.status.time_ns
 
     def ahead_ns(self, wall_s: float) -> int:
-        """The nominal instant after so many wall seconds from now."""
-        return self.now_ns() + int(wall_s * 1e9 * self.speed)
+        """The nominal instant that the clock reaches so many wall seconds from now; not in lockstep pace."""
+        elapsed_ns = time.monotonic_ns() - self.epoch_ns if self.epoch_ns else 0
+        return max(0, int((elapsed_ns + wall_s * 1e9) * self.speed))
 
     async def order(
         self, order: Mapping[str, Any], name: str = "*", incarnation: int | str = "*"

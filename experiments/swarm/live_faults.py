@@ -21,6 +21,8 @@ _TRIES = 3
 _BEFORE_EFFECT_S = 0.02
 """Agents transmit a little early: this long before its instant a fault may already have an effect."""
 _TIMES_AN_ORDER = 2.0
+_BEHIND_S = 0.05
+"""A swarm that is further behind the clock is frozen for a live fault: an instant by the clock would be far away."""
 _UNDONE = {"cut": "is cut", "hold": "is held"}
 
 
@@ -79,45 +81,67 @@ class Injector:
     async def _arm(self, drafted: Sequence[Fault]) -> tuple[int, list[Fault]]:
         """Choose an instant and arm the faults at all agents.
 
-        If an agent was too slow they are armed again for a later instant, unless they may have had an effect.
+        In realtime pace, if an agent was too slow they are armed again for a later instant, unless they may have had an
+        effect.
         """
         swarm = self._swarm
-        frozen_ns = await self._freeze() if swarm.pace != "realtime" else 0
+        prepared_ns = await self._prepare() if swarm.pace != "realtime" else 0
         for _ in range(_TRIES):
-            at_ns = frozen_ns if swarm.pace != "realtime" else swarm.ahead_ns(self._ahead_s())
+            at_ns = prepared_ns or swarm.ahead_ns(self._ahead_s())
             faults = [_shifted(draft, at_ns) for draft in drafted]
             in_time = await self._arm_all(faults, at_ns)
-            if in_time or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
+            if in_time or prepared_ns or swarm.ahead_ns(_BEFORE_EFFECT_S) > at_ns:
                 break
-        if swarm.pace != "realtime":
+        if prepared_ns:
             await swarm.order({"do": "thaw"})
         for fault in faults:
             self._sink.event({"event": "fault", "time_ns": at_ns, "fault": encode_value(fault)})
         self._record_late(faults, at_ns, in_time=in_time)
         return at_ns, faults
 
+    async def _prepare(self) -> int:
+        """An instant that no agent has passed, and that none passes before the faults are armed there.
+
+        By the clock it is a little ahead, and all go on until then; where somebody has passed it already, or the
+        machine is behind, all are frozen instead.
+        """
+        swarm = self._swarm
+        if swarm.pace == "exact" and swarm.status.behind_s < _BEHIND_S:
+            instant_ns = max(swarm.ahead_ns(self._ahead_s()), self._newest_ns + 1)
+            began = time.monotonic()
+            answers = await swarm.order({"do": "prepare", "instant_ns": instant_ns})
+            self._took_s = time.monotonic() - began
+            if all(answers.values()) and not self._absent(answers) and instant_ns < swarm.end_ns:
+                return instant_ns
+        return await self._freeze()
+
     async def _freeze(self) -> int:
-        """Freeze all agents, in exact pace; the first instant that no agent has reached or promised.
+        """Freeze all agents; the first instant that nobody has reached.
 
         Raises:
             BadInput: there is none, because an agent without a living neighbour does not wait and is at the end.
         """
         answers = await self._swarm.order({"do": "freeze"})
-        mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
-        absent = self._swarm.status.alive - mortal - {name for name, _ in answers}
-        instant_ns: int = max([self._now_ns(), *answers.values()]) + 1
+        absent = self._absent(answers)
+        instant_ns: int = max([self._now_ns(), self._newest_ns, *answers.values()]) + 1
         if absent or instant_ns >= self._swarm.end_ns:
             await self._swarm.order({"do": "thaw"})
             who = f"agent {', '.join(sorted(absent))} does" if absent else "somebody has no neighbour alive and does"
             raise BadInput(f"{who} not wait for others: there is no instant that all have still before them")
         return instant_ns
 
+    def _absent(self, answers: Mapping[tuple[str, int], Any]) -> set[str]:
+        """Living agents that have not answered, and are not about to be killed."""
+        mortal = {fault.agent for fault in self._faults.values() if isinstance(fault, Kill)}
+        return self._swarm.status.alive - mortal - {name for name, _ in answers}
+
     async def _arm_all(self, faults: Iterable[Fault], instant_ns: int) -> bool:
-        self._swarm.interventions += self._swarm.pace != "realtime"
+        if self._swarm.pace != "realtime":
+            self._swarm.interventions.append(instant_ns)
         order = {"do": "arm", "faults": [encode_value(fault) for fault in faults], "instant_ns": instant_ns}
         began = time.monotonic()
         answers = await self._swarm.order(order)
-        self._took_s = time.monotonic() - began
+        self._took_s = max(time.monotonic() - began, self._took_s / 2)
         return all(answers.values())
 
     def _ahead_s(self) -> float:
@@ -213,7 +237,7 @@ class Injector:
         """End faults at one instant, with a process on standby for each agent that returns then."""
         if self._swarm.pace != "realtime":
             async with self._intervention():
-                until_ns = await self._freeze()
+                until_ns = await (self._freeze() if any(isinstance(one, Kill) for one in faults) else self._prepare())
                 await self._end_at(faults, await self._standbys(faults), until_ns)
         else:
             revived = await self._standbys(faults)

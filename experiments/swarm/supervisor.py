@@ -139,7 +139,7 @@ class Swarm(Fleet):
         head_start_s = _HEAD_START_S + _HEAD_START_PER_AGENT_S * len(self.plan.all_agents)
         self.epoch_ns = time.monotonic_ns() + int(head_start_s * 1e9)
         self.sink.event({"event": "started", "time_ns": 0, "agents": len(self.plan.agents)})
-        self._began_ns = self.epoch_ns if self.pace == "realtime" else time.monotonic_ns()
+        self._began_ns = time.monotonic_ns() if self.pace == "lockstep" else self.epoch_ns
         await self.order(self.start_order(0))
         self.ready.set()
         for agent in self.plan.agents:

@@ -74,7 +74,7 @@ class Network:
         self._wire: dict[tuple[str, str], deque[bytes]] = {link: deque() for link in (*plan.links, *plan.wires)}
         self._promised = dict.fromkeys(self._wire, 0)
         self._woken: list[Callable[[], None]] = []
-        self._interventions = 0
+        self._interventions: tuple[int, ...] = ()
         self._intervening = False
         self._live: dict[str, Fault] = {}
         self._collector = Collector()
@@ -240,28 +240,53 @@ class Network:
             pass
         return reached()
 
-    def inject(self, fault_from: Callable[[int], Fault]) -> Fault:
-        """Arm a fault everywhere as a supervisor does: hold all, choose an instant beyond all, arm, release."""
-        instants = []
+    def inject(self, fault_from: Callable[[int], Fault], between: Callable[[], None] = lambda: None) -> Fault:
+        """Arm a fault everywhere as a supervisor does: prepare an instant, or hold all, and arm; `between` the phases.
+
+        All go on meanwhile unless they are held.
+        """
         self._intervening = True
-        living = [self.pacers[name] for name in self.nodes if not self.nodes[name].state.dead]
-        for pacer in living:
-            instants.append(pacer.freeze())
-            self.deliver()
-        fault = fault_from(max(instants) + 1)
-        instant_ns = fault.at_ns if fault.until_ns is None else fault.until_ns
-        self._interventions += 1
+        instant_ns = self._prepared() or self._held()
+        between()
+        fault = fault_from(instant_ns)
+        assert instant_ns == (fault.at_ns if fault.until_ns is None else fault.until_ns)
+        self._interventions += (instant_ns,)
         self._live[fault.id] = fault
-        self._promised = {link: min(promised, instant_ns) for link, promised in self._promised.items()}
-        for pacer in living:
-            assert pacer.arm([fault], instant_ns)
-            self.deliver()
+        for name in self._answering():
+            self._promised |= {link: min(told, instant_ns) for link, told in self._promised.items() if link[0] == name}
+            assert self.pacers[name].arm([fault], instant_ns)
+            self.deliver_some(int(self._rng.integers(0, 8)))
         if isinstance(fault, Kill) and fault.until_ns is not None:
             self._stand_by(fault)
         self._intervening = False
-        for pacer in living:
-            pacer.thaw()
+        for name in self._answering():
+            self.pacers[name].thaw()
         return fault
+
+    def _answering(self) -> list[str]:
+        """Agents whose process runs."""
+        return [name for name, node in self.nodes.items() if not node.state.dead and name in self._subscribed]
+
+    def _prepared(self) -> int:
+        """An instant a little ahead, if nobody has passed it; else 0."""
+        ahead_ns = int(self._rng.integers(0, 60_000_000))
+        instant_ns = max(self.nodes[name].state.now_ns for name in self._answering()) + ahead_ns
+        instant_ns = max([instant_ns, *(before_ns + 1 for before_ns in self._interventions)])
+        agreed = []
+        for name in self._answering():
+            agreed.append(self.pacers[name].prepare(instant_ns))
+            self.deliver_some(int(self._rng.integers(0, 8)))
+        return instant_ns if all(agreed) and instant_ns < self._plan.duration_ns else 0
+
+    def _held(self) -> int:
+        """The first instant that nobody has reached; all are frozen."""
+        instants = list(self._interventions)
+        for name in self._answering():
+            passed_ns = self.pacers[name].freeze()
+            assert all(heard.due_ns <= passed_ns for heard in self.nodes[name].state.journal.heard), name
+            instants.append(passed_ns)
+            self.deliver()
+        return max(instants) + 1
 
     def finish(self) -> Record:
         """Deliver until nobody says anything more; everybody must have come to the end."""

@@ -224,6 +224,31 @@ def test_a_death_from_outside_replays_in_the_twin(
     assert all(link.closes for link in account(record).values())
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("others_die", [False, True])
+def test_a_death_from_outside_between_the_phases_of_an_intervention(
+    any_plan: Callable[..., Plan],
+    others_die: bool,
+    seed: int,
+    mortal: Callable[[Plan, int], Plan],
+    answerer: type[Agent],
+) -> None:
+    """The fault takes effect at its instant everywhere else, and the twin comes to the same estimates and stories."""
+    plan = any_plan(answerer, seed)
+    network = Network(mortal(plan, seed) if others_die else plan, seed, clocked=seed % 2 == 1)
+    network.start()
+    network.deliver_some(30 + 5 * seed)
+    living = network.living()
+    a, b = list(plan.links)[seed % len(plan.links)]
+    fault = partial(_link_fault, "l1", ((a, b), (b, a)), {"cut": True})
+    network.inject(fault, lambda: network.kill_from_outside(living[seed % len(living)]))
+    network.deliver_some(60)
+    network.inject(partial(_link_fault, "l2", ((a, b),), {"latency": Constant(3 * MS)}))
+    record = network.finish()
+    assert list(compare(record, replay(record), 0.0)) == []
+    assert all(link.closes for link in account(record).values())
+
+
 def _live_fault(rng: np.random.Generator, plan: Plan, at_ns: int) -> Fault:
     """Some change of everything, or a pause, until it is cleared."""
     agent = plan.agents[rng.integers(len(plan.agents))]

@@ -23,9 +23,10 @@ def cut(name: str, at_ms: int, until_ms: int | None) -> LinkFault:
 class Frozen:
     """A swarm that was last heard of at 200 ms, and whose agents have come to 500 ms when they are frozen."""
 
-    pace, interventions, end_ns = "lockstep", 0, 1000 * MS
+    pace, end_ns = "lockstep", 1000 * MS
 
     def __init__(self, plan: Plan, *faults: Fault) -> None:
+        self.interventions: list[int] = []
         self.plan, self.live_faults = plan, {fault.id: fault for fault in faults}
         self.intervening, self.over = asyncio.Lock(), asyncio.Event()
         self.status = SimpleNamespace(alive={"1", "2"}, used=set())
