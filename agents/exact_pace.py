@@ -75,6 +75,8 @@ class Exact:
         self._handled_ns = self._started_ns = 0
         self._barrier_ns = FOREVER_NS
         self._blocking: list[set[str]] = []
+        self._urgent: set[str] = set()
+        self._due_ns = 0
         self._wake = guard(self.advance)
         self._clock = None if clock_of is None else clock_of(self._wake)
 
@@ -197,14 +199,14 @@ class Exact:
     def arrived(self, source: str, frame: Message) -> None:
         """Keep a frame or promise until all that this agent waits for have been heard; called on Zenoh's thread.
 
-        A neighbour that returns is answered at once.
+        If that is before the alarm, it is soon enough then. A neighbour that returns is answered at once.
         """
         self.mail.put(source, frame)
         wakes = frame.incarnation > self._lives.get(source, 0)
-        for blocking in self._blocking:
+        for blocking in (self._urgent, *self._blocking):
             if source in blocking:
                 blocking.discard(source)
-                wakes = wakes or not blocking
+                wakes = wakes or (not blocking and (blocking is self._urgent or self._has_reached(self._due_ns)))
         if wakes:
             self._loop.call_soon_threadsafe(self._wake)
 
@@ -314,7 +316,7 @@ class Exact:
             self.lateness_ns.append(behind_ns)
 
     def _await_next(self) -> None:
-        """Say who must be heard before the next event that matters is safe; if it is, set the alarm for it.
+        """Say who must be heard before the next event that matters is safe, and set the alarm for it.
 
         Until then nothing that comes changes what this agent does or can promise, but for neighbours whose frames make
         it act, and until it has started: hearing those that hold it back most allows a further promise.
@@ -322,17 +324,17 @@ class Exact:
         neighbours, triggers = self._neighbours, self._node.triggers()
         next_ns = min(self._next_ns(triggers), self._end_ns)
         owed_ns = min(self._shown.values(), default=FOREVER_NS) + _CREDIT_NS // 2
-        blocking = [self._unheard(), neighbours.blocking(min(next_ns, owed_ns))]
+        self._due_ns = min(next_ns, owed_ns)
+        blocking, urgent = [self._unheard(), neighbours.blocking(self._due_ns)], set[str]()
         holding = None if self._not_started() else triggers
         if holding != () and (safe := neighbours.safe_ns(holding)) <= next_ns:
-            blocking.append(neighbours.blocking(safe, holding))
-        if next_ns < self._end_ns and not any(blocking):
+            urgent = neighbours.blocking(safe, holding)
+        if next_ns < self._end_ns and not any(blocking) and not urgent:
             blocking.append(neighbours.behind(next_ns - _CREDIT_NS + 1))
-        self._blocking = blocking
+        self._blocking, self._urgent = blocking, urgent
         if self._clock is not None and not self._ended:
-            due_ns = min(next_ns, owed_ns)
-            waits = any(blocking) or due_ns >= self._barrier_ns
-            self._clock.wake_at(min(FOREVER_NS if waits else due_ns, self._next_start_ns()))
+            waits = self._due_ns >= self._barrier_ns or (any(blocking) and self._has_reached(self._due_ns))
+            self._clock.wake_at(min(FOREVER_NS if waits else self._due_ns, self._next_start_ns()))
 
     def _next_ns(self, triggers: Collection[str]) -> int:
         """The next event that matters; the next one at all where carrier sense has to be decided."""
