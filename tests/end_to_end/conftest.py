@@ -30,12 +30,14 @@ async def _nothing(_swarm: Swarm, _injector: Injector, _collected: Collector) ->
     return
 
 
-def run_swarm(plan: Plan, pace: Pace = "lockstep", meanwhile: Meanwhile = _nothing) -> tuple[Record, Ending]:
+def run_swarm(
+    plan: Plan, pace: Pace = "lockstep", meanwhile: Meanwhile = _nothing, speed: float = 1.0
+) -> tuple[Record, Ending]:
     """Run a plan in processes of its own; `meanwhile` is awaited once the run has begun, concurrently with it."""
     collector = Collector()
 
     async def run() -> Ending:
-        swarm = Swarm(plan, collector, "test", pace)
+        swarm = Swarm(plan, collector, "test", pace, speed)
         injector = Injector(swarm)
 
         async def once_ready() -> None:
