@@ -49,7 +49,7 @@ links: {latency: 2 ms}
 
 
 def test_an_estimator_that_is_too_slow_stretches_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Behind a node of 100 Hz, at four times real time, it needs five times as long as there is: nothing is lost or late."""
+    """It needs five times as long as there is, behind a node of 100 Hz at four times real time: nothing is late."""
     (tmp_path / "slow_pair.py").write_text(SLOW, "utf-8")
     (tmp_path / "slow.yaml").write_text(SLOW_SCENARIO, "utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
