@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -74,6 +74,8 @@ def _adapters(function: Callable[..., Any]) -> dict[str, tuple[TypeAdapter[Any],
 def _in_words(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return " or ".join(map(repr, get_args(hint)))
+    if get_origin(hint) is Union and any(get_origin(one) is Literal for one in get_args(hint)):
+        return " or ".join(map(_in_words, get_args(hint)))
     return re.sub(r"\b[a-z_.]+\.", "", inspect.formatannotation(hint))
 
 

@@ -97,9 +97,9 @@ asyncio.run(cell())
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"pace": "fast"}, "run(): pace is 'fast', it must be 'realtime' or 'lockstep'"),
-        ({"speed": "2"}, "run(): speed is '2', it must be float"),
-        ({"speed": -1}, "speed is -1, it must be above 0"),
+        ({"pace": "fast"}, "run(): pace is 'fast', it must be 'exact' or 'lockstep' or 'realtime'"),
+        ({"speed": "2"}, "run(): speed is '2', it must be float or 'max'"),
+        ({"speed": -1}, "speed is -1, it must be above 0, or max"),
         ({"name": 3}, "run(): name is 3, it must be str | None"),
         ({"name": "a/b"}, "the run's name 'a/b' must be that of one folder: --runs chooses where it is"),
         ({"name": ".."}, "the run's name '..' must be that of one folder: --runs chooses where it is"),
