@@ -197,30 +197,32 @@ class Exact:
         return time_ns >= self._shown[outlet] + _CREDIT_NS // 2
 
     def arrived(self, source: str, frame: Message) -> None:
-        """Keep a frame or promise until all that this agent waits for have been heard; called on Zenoh's thread.
-
-        If that is before the alarm, it is soon enough then. A neighbour that returns is answered at once.
-        """
+        """Keep a frame or promise until all that this agent waits for have been heard; called on Zenoh's thread."""
         self.mail.put(source, frame)
-        wakes = frame.incarnation > self._lives.get(source, 0)
+        if self._calls(source, frame):
+            self._loop.call_soon_threadsafe(self._wake)
+
+    def _calls(self, source: str, frame: Message) -> bool:
+        """Whether a frame or promise is the last that this agent waits for, and its alarm will not be soon enough.
+
+        A neighbour that returns is answered at once.
+        """
+        calls = frame.incarnation > self._lives.get(source, 0)
         for blocking in (self._urgent, *self._blocking):
             if source in blocking:
                 blocking.discard(source)
-                wakes = wakes or (not blocking and (blocking is self._urgent or self._has_reached(self._due_ns)))
-        if wakes:
-            self._loop.call_soon_threadsafe(self._wake)
+                calls = calls or (not blocking and (blocking is self._urgent or self._has_reached(self._due_ns)))
+        return calls
 
     def advance(self) -> None:
-        """Handle what is safe and due, promise, and say what to wait for.
-
-        The mail is read again once that is known: it may have come in between.
-        """
+        """Handle what is safe and due, promise, and say what to wait for, which may have come in between."""
         while not self._frozen:
             for source, frame, _ in self.mail.take():
                 self._take(source, frame)
             self._handle_safe()
             self._await_next()
-            if not self.mail:
+            calls = [self._calls(source, frame) for source, frame, _ in self.mail.waiting()]
+            if not any(calls):
                 return
 
     def _take(self, source: str, frame: Message) -> None:

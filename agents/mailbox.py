@@ -39,6 +39,10 @@ class Mailbox:
         """Take all frames, in the order of their arrival; called on the loop."""
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
+    def waiting(self) -> list[Mail]:
+        """What has not been taken; called on the loop."""
+        return list(self._frames)
+
     def __bool__(self) -> bool:
         """Whether there is mail."""
         return bool(self._frames)
