@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SETUP = $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test test-long bench contest contest-small
+.PHONY: help demo test test-long bench bench-base contest contest-small
 
 help:  ## say what there is to make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -41,7 +41,11 @@ test-long: $(VENV)/.installed-dev  ## run the tests that `make test` has in a sh
 	$(BIN)/pytest --numprocesses 2 --dist worksteal -m long $(PYTEST_FLAGS)
 
 bench: $(VENV)/.installed-dev  ## run every benchmark and print its ratios
-	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+	@for script in $(filter-out %/bench_base.py,$(wildcard benchmarks/bench_*.py)); do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+bench-base: $(VENV)/.installed-dev  ## print processor times beside an earlier commit, which goes into .bench-base
+	@test -e .bench-base || git worktree add --detach .bench-base 93240e7
+	$(BIN)/python benchmarks/bench_base.py
 
 contest: $(VENV)/.installed-dev  ## run the contest of distributed filters, 20 seeds, and show it; it goes on where it was
 	$(BIN)/python docs/contest.py run --repeat 20

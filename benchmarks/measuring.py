@@ -15,11 +15,11 @@ HERE = Path(__file__).parent
 _SAMPLE_TIMEOUT_S = 120
 
 
-def fresh(function: str, **arguments: Any) -> Any:
+def fresh(function: str, path: str | None = None, **arguments: Any) -> Any:
     """The result of `module:function` of this folder, called in a new interpreter.
 
     So no state, such as a running fork server, is carried over to the next sample. It runs with one BLAS thread, as
-    agents' processes and the twin do.
+    agents' processes and the twin do. `path` is where the package is taken from, if not from where it is installed.
 
     Raises:
         RuntimeError: the sample failed; the message has its error output.
@@ -29,7 +29,7 @@ def fresh(function: str, **arguments: Any) -> Any:
     done = subprocess.run(
         [sys.executable, "-c", code, json.dumps(arguments)],
         cwd=HERE,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", **({} if path is None else {"PYTHONPATH": path})},
         capture_output=True,
         text=True,
         timeout=_SAMPLE_TIMEOUT_S,
