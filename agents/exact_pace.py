@@ -264,6 +264,7 @@ class Exact:
         elif safe >= self._end_ns and self._has_reached(self._end_ns) and self._progress_ns() >= self._end_ns:
             if not self._ended:
                 self.end_behind_ns = self._behind_ns(self._end_ns)
+                self.behind_ns = max(self.behind_ns, self.end_behind_ns)
             self._ended = True
             self._done()
 

@@ -127,9 +127,9 @@ def _pace(record: Record) -> str:
 
 
 def _slower(factor: float) -> str:
-    """A speed a little below a factor of real time, of one digit."""
-    digit = 10.0 ** math.floor(math.log10(factor))
-    return f"{math.floor(0.97 * factor / digit) * digit:.1g}"
+    """A speed a little below a factor of real time, in tenths, or finer where it is small."""
+    step = min(0.1, 10.0 ** math.floor(math.log10(factor)))
+    return f"{math.floor(0.97 * factor / step) * step:.2g}"
 
 
 def _timers(record: Record) -> Lateness:

@@ -37,6 +37,11 @@ def judged(pace: str, speed: float | str, *behind_s: tuple[float, float]) -> Fid
             [(5.0, 5.0)],
             "exact; the machine was at most 5.0 s behind, 5.0 s at the end: 0.40 × real time (try --speed 0.3)",
         ),
+        (
+            2.0,
+            [(0.2, 0.2)],
+            "exact; the machine was at most 0.2 s behind, 0.2 s at the end: 1.92 × real time (try --speed 1.8)",
+        ),
         (1.0, [(2.0, 0.01)], "exact; the machine was at most 2.0 s behind, 0.0 s at the end: 1.00 × real time"),
         (1.0, [], ""),
     ],
