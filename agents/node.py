@@ -93,7 +93,6 @@ class Node:
         self.hogged = 0.0
         self.saved = saved
         self.plan = plan
-        self._measuring = frame_measuring(plan.world)
         self.present = plan.present(name, start_ns)
         self._clock = Clock()
         self._waiting: list[tuple[Event, int, Callable[[Event], None]]] | None = None
