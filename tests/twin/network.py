@@ -227,8 +227,9 @@ class Network:
                 self._woken.append(partial(pacer.external_kill, name, incarnation))
 
     def living(self) -> list[str]:
-        """Agents that are neither dead nor on standby."""
-        return [name for name, node in self.nodes.items() if not node.state.dead and name not in self._standing_by]
+        """Agents that are neither dead nor on standby, and whose process was not killed from outside."""
+        running = self._subscribed - self._standing_by
+        return [name for name, node in self.nodes.items() if not node.state.dead and name in running]
 
     def wire(self, source: str, target: str) -> list[Message]:
         """What is on its way from one to another."""
@@ -252,28 +253,24 @@ class Network:
         assert instant_ns == (fault.at_ns if fault.until_ns is None else fault.until_ns)
         self._interventions += (instant_ns,)
         self._live[fault.id] = fault
-        for name in self._answering():
+        for name in self.living():
             self._promised |= {link: min(told, instant_ns) for link, told in self._promised.items() if link[0] == name}
             assert self.pacers[name].arm([fault], instant_ns)
             self.deliver_some(int(self._rng.integers(0, 8)))
         if isinstance(fault, Kill) and fault.until_ns is not None:
             self._stand_by(fault)
         self._intervening = False
-        for name in self._answering():
+        for name in self.living():
             self.pacers[name].thaw()
         return fault
-
-    def _answering(self) -> list[str]:
-        """Agents whose process runs."""
-        return [name for name, node in self.nodes.items() if not node.state.dead and name in self._subscribed]
 
     def _prepared(self) -> int:
         """An instant a little ahead, if nobody has passed it; else 0."""
         ahead_ns = int(self._rng.integers(0, 60_000_000))
-        instant_ns = max(self.nodes[name].state.now_ns for name in self._answering()) + ahead_ns
+        instant_ns = max(self.nodes[name].state.now_ns for name in self.living()) + ahead_ns
         instant_ns = max([instant_ns, *(before_ns + 1 for before_ns in self._interventions)])
         agreed = []
-        for name in self._answering():
+        for name in self.living():
             agreed.append(self.pacers[name].prepare(instant_ns))
             self.deliver_some(int(self._rng.integers(0, 8)))
         return instant_ns if all(agreed) and instant_ns < self._plan.duration_ns else 0
@@ -281,7 +278,7 @@ class Network:
     def _held(self) -> int:
         """The first instant that nobody has reached; all are frozen."""
         instants = list(self._interventions)
-        for name in self._answering():
+        for name in self.living():
             passed_ns = self.pacers[name].freeze()
             assert all(heard.due_ns <= passed_ns for heard in self.nodes[name].state.journal.heard), name
             instants.append(passed_ns)
